@@ -158,7 +158,7 @@ impl Component {
         let Number::Entry(component) = self.number else {
             return None;
         };
-        world.value_on_face(self.field, component, (point as u32, face))
+        world.value_on_face(self.field, component, point as u32, face)
     }
 
     pub(crate) fn at(self, world: &World, point: usize) -> f64 {

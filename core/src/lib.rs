@@ -36,6 +36,7 @@ pub mod setup;
 pub mod shape;
 pub mod simulation;
 pub mod solver;
+pub mod stepping;
 pub mod text;
 pub mod world;
 
@@ -53,12 +54,12 @@ pub use in_time::InTime;
 pub use pair_list::PairList;
 pub use pddo::{Derivatives, Pddo, PddoError};
 pub use plugin::{
-    Balance, Coupler, Physics, PhysicsReport, Report, RunningCoupler, RunningPhysics, Step,
-    StepLimits, StepSize, Stepping, Update, Work,
+    Balance, Coupler, Physics, PhysicsReport, Report, RunningCoupler, RunningPhysics,
 };
 pub use programme::Programme;
 pub use setup::{Access, ClaimedLayers, LayerRole, Setup, Warning};
 pub use simulation::Simulation;
+pub use stepping::{Step, StepLimits, StepSize, Stepping, Update, Work};
 pub use world::activity::ActivityChanges;
 pub use world::changes::{Change, Changes};
 pub use world::configuration::{Configuration, Description, PointMover};

@@ -80,7 +80,8 @@ impl Plan {
     /// # Errors
     /// The plugins that wait for each other, by `labels`.
     pub fn derive(
-        (couplers, physics): (usize, usize),
+        couplers: usize,
+        physics: usize,
         declarations: &[Declaration],
         body_of_field: &[BodyIndex],
         labels: &[String],
@@ -131,7 +132,7 @@ impl Plan {
             plan.amounts.push(declared.fields(p, |a| a == Access::Take));
             plan.owned.push(owned);
         }
-        plan.groups = plan.derive_groups(&declared, (couplers, &is_exchange), |cycle| {
+        plan.groups = plan.derive_groups(&declared, couplers, &is_exchange, |cycle| {
             named(cycle, couplers)
         })?;
         for group in &mut plan.groups {
@@ -154,7 +155,8 @@ impl Plan {
     fn derive_groups(
         &self,
         declared: &Declared<'_>,
-        (couplers, is_exchange): (usize, &[bool]),
+        couplers: usize,
+        is_exchange: &[bool],
         cycle: impl Fn(Vec<usize>) -> Problem,
     ) -> Result<Vec<Group>, Problem> {
         let physics = self.owned.len();
@@ -269,7 +271,7 @@ mod tests {
             (3, Access::Consume, 0),
             (3, Access::Own, 3),
         ]);
-        let plan = Plan::derive((3, 1), &d, &[0; 4], &labels(4)).expect("no cycle");
+        let plan = Plan::derive(3, 1, &d, &[0; 4], &labels(4)).expect("no cycle");
         assert_eq!(plan.before, [[1, 0]]);
         assert_eq!(plan.after, [2]);
         assert_eq!(
@@ -285,7 +287,7 @@ mod tests {
             (1, Access::Own, 4),
             (2, Access::Own, 5),
         ]);
-        let plan = Plan::derive((1, 2), &d, &[0; 6], &labels(3)).expect("no cycle");
+        let plan = Plan::derive(1, 2, &d, &[0; 6], &labels(3)).expect("no cycle");
         assert_eq!(plan.before, [vec![], vec![0]]);
     }
 
@@ -299,7 +301,7 @@ mod tests {
             (2, Access::Write, 2),
             (2, Access::Read, 1),
         ]);
-        let Err(Problem::Cycle(cycle)) = Plan::derive((3, 0), &d, &[0; 3], &labels(3)) else {
+        let Err(Problem::Cycle(cycle)) = Plan::derive(3, 0, &d, &[0; 3], &labels(3)) else {
             panic!("a cycle must be found");
         };
         assert_eq!(cycle, ["c0", "c1", "c2", "c0"]);
@@ -325,7 +327,7 @@ mod tests {
             (1, Access::Add, 3),
         ];
         let d = declare(&[&own[..], &exchange].concat());
-        let plan = Plan::derive((2, 3), &d, &body_of_field, &labels(5)).expect("no cycle");
+        let plan = Plan::derive(2, 3, &d, &body_of_field, &labels(5)).expect("no cycle");
         let groups: Vec<_> = plan
             .groups
             .iter()
@@ -338,13 +340,13 @@ mod tests {
         // p1 sees the state of p0 and gives to it: it advances before p0, and in step with it
         let gives = [(3, Access::Read, 0), (3, Access::Give, 1)];
         let d = declare(&[&own[..], &gives].concat());
-        let plan = Plan::derive((2, 3), &d, &body_of_field, &labels(5)).expect("no cycle");
+        let plan = Plan::derive(2, 3, &d, &body_of_field, &labels(5)).expect("no cycle");
         assert_eq!(plan.groups[0].members, [1, 0]);
         assert_eq!(plan.groups[0].givers, [1]);
 
         // who see each other cannot advance one after the other
         let both = [&own[..], &gives, &[(2, Access::Read, 2)]].concat();
-        let found = Plan::derive((2, 3), &declare(&both), &body_of_field, &labels(5));
+        let found = Plan::derive(2, 3, &declare(&both), &body_of_field, &labels(5));
         assert!(matches!(found, Err(Problem::Cycle(_))));
     }
 
@@ -360,7 +362,7 @@ mod tests {
         ];
         let plan = |coupler: &[(usize, Access, usize)]| {
             let d = declare(&[&own[..], coupler].concat());
-            Plan::derive((1, 2), &d, &[0, 0, 1, 1], &labels(3)).expect("no cycle")
+            Plan::derive(1, 2, &d, &[0, 0, 1, 1], &labels(3)).expect("no cycle")
         };
         let adds_to_both = plan(&[(0, Access::Add, 1), (0, Access::Add, 3)]);
         let members = |plan: &Plan| -> Vec<Vec<usize>> {
@@ -397,7 +399,7 @@ mod tests {
             (4, Access::Own, 2),
             (4, Access::Take, 3),
         ]);
-        let plan = Plan::derive((3, 2), &d, &[0, 0, 1, 1, 0, 0], &labels(5)).expect("no cycle");
+        let plan = Plan::derive(3, 2, &d, &[0, 0, 1, 1, 0, 0], &labels(5)).expect("no cycle");
         assert_eq!(plan.groups[0].couplers, [2, 0]);
         assert_eq!(plan.after, [1]);
         assert_eq!(plan.amounts, [[1], [3]]);

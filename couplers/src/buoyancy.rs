@@ -31,13 +31,13 @@ pub struct Buoyancy {
 /// A buoyancy that is ready to act.
 struct RunningBuoyancy {
     body: usize,
-    /// m/s².
+    /// Gravity, m/s².
     gravity: Vector3<f64>,
-    /// K.
+    /// Reference temperature, K.
     reference_temperature: f64,
-    /// By material, kg/m³.
+    /// Density by material, kg/m³.
     density: Vec<f64>,
-    /// By material.
+    /// Expansion by material.
     expansion: Vec<Expansion>,
     temperature: Read<f64>,
     body_force: Write<Vector3<f64>>,

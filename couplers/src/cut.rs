@@ -1,12 +1,11 @@
-//! Cutting: material is taken off a body at a given time, such as the base plate of a part or the kerf of a saw.
+//! Cutting: material is removed from a body at a given time, such as the base plate of a part or the kerf of a saw.
 //!
 //! From then on the points of `region` have no bonds, no mass and no surface, as before a deposition. The stress of the
-//! rest is no longer balanced across the cut: it relaxes in the next step, and the displacement afterwards less that before
-//! is the distortion by the cut. Clamps on the points that are gone hold nothing; a part without clamps keeps its mean
-//! displacement and rotation.
+//! rest is no longer balanced across the cut and relaxes in the next step. The change of the displacement is the distortion
+//! by the cut. Clamps on removed points have no effect; a part without clamps keeps its mean displacement and rotation.
 //!
-//! A kerf that separates two pieces is at least as wide as the horizon of the mechanics, since bonds reach over a narrower
-//! one. A plane cut takes off all that lies behind the plane.
+//! A kerf that separates two pieces must be at least as wide as the horizon of the mechanics, since bonds cross a narrower
+//! one. A plane cut removes all material behind the plane.
 //!
 //! Not for: heat of the cut, and the forces of a tool.
 
@@ -70,7 +69,7 @@ impl Coupler for Cut {
 
 impl RunningCoupler for RunningCut {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        // as births, cuts are part of the first step that begins at their time
+        // like births, cuts are part of the first step that begins at their time
         if step.size == 0.0 || step.middle() < self.time {
             return Ok(());
         }

@@ -6,7 +6,7 @@
 //!
 //! `conjugate_stress` comes from the mechanical physics: in a bond-based solid it is
 //! `sum_j (c/2) (extension) v V`, positive in extension (Gao (2020), eq. A.10a, which lacks a factor of the horizon; see
-//! `docs/theory/thermomechanics.md`). The heat contains its whole change since the heat was last computed, whatever the
+//! `docs/theory/thermomechanics.md`). The heat contains its whole change since the heat was last computed, for any
 //! step sizes of the two physics.
 //! With `linearised_at = T0` the factor is alpha T0. This is the linear theory of closed forms and
 //! published benchmarks; `temperature` may then be the difference from T0.
@@ -75,8 +75,8 @@ impl Coupler for DeformationHeat {
                     * linearised_at.unwrap_or(temperature[point]);
             });
         };
-        let stress = (body, &keys::CONJUGATE_STRESS);
-        WorkHeat::prepare(setup, stress, "power from deformation", find_factors)
+        let key = &keys::CONJUGATE_STRESS;
+        WorkHeat::prepare(setup, body, key, "power from deformation", find_factors)
     }
 }
 

@@ -4,20 +4,20 @@
 //! eigenstrain += e(T) - e(T_ref)
 //! ```
 //!
-//! with the elongation e of the material, which states it by mean coefficients, instantaneous coefficients or a table of e
-//! itself ([`Expansion`]), and the stress-free temperature T_ref. Mean (secant) coefficients alpha count from a temperature T_0
+//! with the elongation e of the material, given by mean coefficients, instantaneous coefficients or a table of e
+//! ([`Expansion`]), and the stress-free temperature T_ref. Mean (secant) coefficients alpha count from a temperature T_0
 //! of their own, `expansion_reference` of the material: e(T) = alpha(T) (T - T_0); where the material does not give it, T_0 =
 //! T_ref. A bond of a bond-based solid has the mean of the strains of its ends, alpha (theta + theta')/2 (Wang (2025),
 //! eq. 7.5).
 //!
-//! Above a cut-off temperature T_cut the strain is that of T_cut. It belongs with an annealing
+//! Above a cut-off temperature T_cut the strain is that of T_cut. Use it with an annealing
 //! temperature of the plasticity (`plasticity.annealing_temperature`), above which metal has no
 //! strength: without a cut-off, two neighbouring points that anneal at 1600 K and at 2500 K differ by
 //! one percent of volume after cooling, which is a hydrostatic stress of hundreds of MPa. With a
 //! cut-off all points contract from the same strain.
 //!
-//! Material that is deposited during the run is free of stress at the temperature of its birth, which takes the place of
-//! T_ref: the strain is `e(T) - e(T_birth)`.
+//! Material that is deposited during the run is free of stress at the temperature of its birth, so that the strain is
+//! `e(T) - e(T_birth)`.
 //!
 //! Not for a change of the stress-free state by melting: relief of strain in the melt needs a plastic
 //! or viscous solid.
@@ -49,21 +49,21 @@ pub struct ThermalExpansion {
 /// An expansion that is ready to act.
 struct RunningThermalExpansion {
     body: usize,
-    /// By material.
+    /// Expansion by material.
     expansion: Vec<Expansion>,
     temperature: Read<f64>,
     liquid_fraction: ReadIfProvided<f64>,
-    /// K; zero at points that are there from the start.
+    /// Temperature at birth, K; zero at points that exist from the start.
     birth_temperature: ReadIfProvided<f64>,
     eigenstrain: Write<f64>,
-    /// At each point, K.
+    /// Reference temperature at each point, K.
     reference: Vec<f64>,
-    /// K.
+    /// Cut-off temperature, K.
     cutoff: Option<f64>,
 }
 
 /// The thermal expansion of each material of a body. Mean coefficients whose reference temperature the material does not
-/// give count from the reference temperatures of the coupler (K), which the user is told.
+/// give count from the reference temperatures of the coupler (K), with a warning.
 ///
 /// # Errors
 /// When a material states no expansion, or none from one temperature.

@@ -2,16 +2,16 @@
 //!
 //! The solid may also be another updated Lagrangian fluid, with which the first one does not mix.
 //!
-//! The points of the solid are walls for the fluid: the fluid sees their positions and velocities, and gives each of them
-//! the opposite of what it gets from it, as an impulse at the start of the solid's step: pressure, and the
-//! traction of viscosity unless the fluid slips along the solid. Momentum of fluid and solid is kept to rounding, whatever
-//! steps the two take. The forces themselves are part of the fluid (`fluid`, conservative form), which reports them as
-//! `force.<solid>.x` and so on, and of several together as `force.all.x`.
+//! The points of the solid are walls for the fluid. The fluid uses their positions and velocities and exerts on each of them
+//! the opposite of the force that the point exerts on the fluid, as an impulse at the start of the solid's step: pressure, and
+//! viscous traction unless the fluid slips along the solid. The momentum of fluid and solid is conserved to rounding for any
+//! step sizes. The forces are part of the fluid (`fluid`, conservative form), which reports them as `force.<solid>.x` and so
+//! on, and their sum over several solids as `force.all.x`.
 //!
 //! Gao (2020), 7.2, gives each solid point instead the force `P n / spacing` with `P = 2 sum_b w0 V_b P_b` over the fluid
 //! (eqs. 7.22, 7.23). That sum is the pressure at the interface; at the first row of the solid, half a spacing behind it, it is 53 %
-//! of it, and the fluid does not get the opposite (docs/theory/fluid_structure.md, "The published load"). The forces of the
-//! bonds have neither error, and need no normal and no choice of loaded rows. The normals of that section, by the colour
+//! of this pressure, and the fluid does not receive the opposite force (docs/theory/fluid_structure.md, "The published load").
+//! The bond forces have neither error, and need no normal and no choice of loaded rows. The normals of that section, by the colour
 //! gradient, are the field `interface_normal` of the solid, evaluated when a state is logged; its collision of points with
 //! the solid is `collisions` of `fluid`.
 
@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::boundary::Idle;
 
-/// Largest spacing of the solid in those of the fluid: between the points of a coarser one fluid flows through.
+/// Largest spacing of the solid over the spacing of the fluid; the fluid penetrates a coarser solid.
 const COARSEST: f64 = 1.05;
 
 /// A solid is a wall for a fluid, which pushes and drags it.

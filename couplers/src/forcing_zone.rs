@@ -1,12 +1,12 @@
-//! A forcing zone (relaxation zone): a region of space in which a flow is drawn towards a target velocity.
+//! A forcing zone (relaxation zone): a region of space in which the flow relaxes towards a target velocity.
 //!
 //! ```text
 //! body_force += rho (v_target(x, t) - v) / time     for the points that lie in the zone now
 //! ```
 //!
-//! with the reference density. In a channel that is periodic along its axis the zone is outflow and inflow at once: what
-//! leaves through `x+` enters at `x-`, the zone restores the profile and supplies the rise of pressure that the channel
-//! and the bodies in it consume. Points enter and leave the zone as they move.
+//! with the reference density. In a channel that is periodic along its axis the zone is outflow and inflow at once: fluid
+//! that leaves through `x+` enters at `x-`, and the zone restores the profile and the pressure lost in the channel and at
+//! the bodies in it. Points enter and leave the zone as they move.
 //!
 //! The flow does not reach the target exactly: to supply a rise of pressure dp over the length L of a zone the velocity
 //! stays below the target by `dp time / (rho L)`.
@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Points that a thread takes at a time.
+/// Least number of points that a thread processes.
 const POINTS: usize = 256;
 
 /// Draws the velocity in a region of space towards a target; needs the material property `density`.
@@ -51,13 +51,13 @@ pub struct ForcingZone {
 struct RunningForcingZone {
     keys: ForcingZone,
     body: BodyIndex,
-    /// By material, kg/m³.
+    /// Density by material, kg/m³.
     density: Vec<f64>,
     velocity: Read<Vector3<f64>>,
     body_force: Write<Vector3<f64>>,
-    /// By point, N/m³.
+    /// Force per volume by point, N/m³.
     added: Vec<Vector3<f64>>,
-    /// On the body in the last step, N.
+    /// Force on the body in the last step, N.
     force: Vector3<f64>,
 }
 
@@ -115,7 +115,7 @@ impl ForcingZone {
         Vector3::from_fn(|a, _| self.velocity[a].at((*x).into(), time))
     }
 
-    /// Fraction of the target that counts at a time, s.
+    /// Fraction of the target velocity at a time (s).
     fn fraction(&self, time: f64) -> f64 {
         match time < self.ramp {
             true => 0.5 * (1.0 - (std::f64::consts::PI * time / self.ramp).cos()),
@@ -180,7 +180,7 @@ impl RunningCoupler for RunningForcingZone {
         Ok(())
     }
 
-    /// The difference from the target is taken at the start of a step: longer steps overshoot the target.
+    /// The difference from the target is evaluated at the start of a step, so that longer steps overshoot.
     fn stable_step(&mut self, _world: &World) -> Option<f64> {
         Some(self.keys.time)
     }

@@ -1,4 +1,4 @@
-//! Heat between two bodies that touch.
+//! Heat exchange between two bodies in contact.
 //!
 //! Cell faces of the two bodies that lie against each other exchange
 //!
@@ -6,14 +6,14 @@
 //! P_ij = A_ij (T_j - T_i) / (d_i / k_i + 1 / h + d_j / k_j)     W
 //! ```
 //!
-//! over the area A_ij in which they overlap now: the resistances from the points to the surface, of conductivity k, on either
-//! side, in series with that of the contact, of conductance h (W/(m² K)); without h the contact is perfect. The distance d is half a
-//! cell, or what the family of the body makes of it ([`World::surface_depth`]). The
-//! series is the harmonic mean of the conductivities, exact for steady flux across the interface. What one body loses the
-//! other one gets, pair by pair, at one time: heat is kept to rounding whatever steps the two bodies take.
+//! over their present overlap A_ij: the resistances from the points to the surface, with the conductivity k of each side, in
+//! series with the contact of conductance h (W/(m² K)); without h the contact is perfect. The distance d is half a cell, or
+//! the depth that the family of the body has ([`World::surface_depth`]). The series is the harmonic mean of the
+//! conductivities, exact for steady flux across the interface. For each pair, one body receives at the same time what the
+//! other one loses, so that heat is conserved to rounding for any step sizes.
 //!
-//! Bodies may be at rest, deform or slide; faces keep the direction of their normals, so that they must not turn by more
-//! than a few degrees. Cells of different size may meet.
+//! Bodies may be at rest, deform or slide; faces keep the direction of their normals, so that bodies must not
+//! rotate by more than a few degrees. Cells of different size may meet.
 
 use nalgebra::Vector3;
 use perimelt_core::body::SurfaceCell;
@@ -58,13 +58,13 @@ pub struct HeatInterface {
 struct RunningHeatInterface {
     sides: [Side; 2],
     dimension: usize,
-    /// 1 / h, m² K/W.
+    /// Contact resistance 1 / h, m² K/W.
     resistance: f64,
     /// m.
     gap: f64,
     cells: CellList,
     overlaps: Vec<Overlap>,
-    /// From the other body into the first one in the last step, W.
+    /// Power from the other body into the first one in the last step, W.
     power: f64,
 }
 
@@ -78,14 +78,14 @@ struct Side {
     conductivity: Vec<Property>,
     curves: Vec<EnthalpyCurve>,
     cells: Vec<SurfaceCell>,
-    /// Centres of the cell faces now, m.
+    /// Present centres of the cell faces, m.
     centre: Vec<Vector3<f64>>,
     /// Positions of the points for which the overlaps were found, m.
     position: Vec<Vector3<f64>>,
     moved: bool,
 }
 
-/// Cell faces, by their place in the lists of both sides, that lie against each other.
+/// Two cell faces in contact, by their index in the lists of both sides.
 #[derive(Clone, Copy, Debug)]
 struct Overlap {
     cells: [u32; 2],
@@ -113,7 +113,7 @@ impl Side {
         })
     }
 
-    /// Takes the positions of the moment.
+    /// Updates the positions.
     fn follow(&mut self, world: &World) {
         let now = world.configuration(self.body);
         self.moved |= now.positions() != self.position;
@@ -126,7 +126,7 @@ impl Side {
         }
     }
 
-    /// From the point of a cell to its face at its temperature, m² K/W.
+    /// Resistance from the point of a cell to its face at the temperature of the point, m² K/W.
     fn resistance(&self, world: &World, cell: u32, temperature: &[f64]) -> f64 {
         let cell = &self.cells[cell as usize];
         let (point, body) = (cell.point as usize, world.body(self.body));
@@ -270,7 +270,7 @@ impl RunningHeatInterface {
     }
 }
 
-/// How far the boxes of two bodies lie in each other, m; negative for boxes that are apart.
+/// Overlap of the boxes of two bodies, m; negative for boxes that are apart.
 fn depth_of_overlap([one, other]: [&Body; 2]) -> f64 {
     let ((low, high), (other_low, other_high)) = (one.bounds(), other.bounds());
     let along = |a: usize| high[a].min(other_high[a]) - low[a].max(other_low[a]);

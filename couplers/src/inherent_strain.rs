@@ -9,9 +9,8 @@
 //! With `deposit` and its `layers` every layer gets it when it is deposited, so that one quasi-static step for each
 //! layer, or for several layers deposited together (`at_once`), gives the distortion of a part: layers are free of
 //! stress on the deformed part below them, and then shrink. The strain comes from a measurement (a cantilever cut
-//! free), or from the transient run of a patch or of a few layers of the same process; it is negative where metal
-//! shrinks. It stands for thermal strain, plastic strain and what they leave together, so that neither `thermal` nor
-//! `plasticity` is needed.
+//! free), or from a transient run of a patch or of a few layers of the same process; it is negative where metal
+//! shrinks. It replaces thermal and plastic strain, so that neither `thermal` nor `plasticity` is needed.
 //!
 //! Not for: temperatures, and residual stresses above the yield stress where the body has no `plasticity`.
 

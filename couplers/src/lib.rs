@@ -6,7 +6,7 @@
 //! |---|---|---|---|
 //! | `thermal_expansion` | [`expansion::ThermalExpansion`] | temperature | eigenstrain |
 //! | `phase_expansion` | [`phase_expansion::PhaseExpansion`] | temperature, austenite | eigenstrain |
-//! | `phase_strength` | [`phase_strength::PhaseStrength`] | temperature, shares of the constituents of steel | yield stress |
+//! | `phase_strength` | [`phase_strength::PhaseStrength`] | temperature, fractions of the constituents of steel | yield stress |
 //! | `transformation_heat` | [`transformation_heat::TransformationHeat`] | austenite | heat source |
 //! | `phase_change` | [`phase_change::PhaseChange`] | temperature, enthalpy | liquid fraction; lets the body melt |
 //! | `plastic_heat` | [`plastic_heat::PlasticHeat`] | plastic work | heat source |
@@ -45,8 +45,7 @@
 //! | `growing_crack` | [`boundary::GrowingCrack`] | | breaks bonds of the body |
 //! | `insulated_crack` | [`boundary::InsulatedCrack`] | | cuts the families of the body |
 //!
-//! Underneath lie the mathematics of [`source`]s and [`toolpath`]s, which know nothing of
-//! plugins, and [`InTime`], a number that may change in time.
+//! The modules [`source`] and [`toolpath`] do not depend on plugins; [`InTime`] is a number that may change in time.
 
 pub mod boundary;
 pub mod buoyancy;

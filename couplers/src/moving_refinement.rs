@@ -1,15 +1,15 @@
 //! Refinement that follows a heat source: a window of finer points that moves over a plate.
 //!
-//! The window is a body of its own inside of the plate, a box whose faces lie on faces of cells of the plate and
-//! whose spacing is that of the plate divided by a whole number. It keeps its place relative to the source: when
-//! the source has travelled by a cell of the plate along x or y, the window moves by that cell, as far as it stays on the
-//! plate. Both bodies have a `thermal` of their own, the same material and the same `phase_change`. Heat that crosses the faces of
-//! the window, and heat that it takes along and leaves behind, is conserved to rounding
+//! The window is a separate body inside the plate, a box whose faces lie on faces of cells of the plate and
+//! whose spacing is that of the plate divided by a whole number. It follows the source: when the
+//! source has travelled by a cell of the plate along x or y, the window moves by that cell, as far as it stays on the
+//! plate. Each body has its own `thermal`, and both have the same material and the same `phase_change`. Heat is conserved to
+//! rounding when it crosses the faces of the window and when the window moves
 //! ([`perimelt_core::world::refinement`]).
 //!
-//! Cells of the plate below the window take the mean of the finer points; what sources and boundaries give them
-//! is not counted. Sources and losses through surfaces therefore belong to both bodies, or to the window alone where they act
-//! inside of it only.
+//! Cells of the plate below the window have the mean temperature of the finer points; heat of sources and boundaries on
+//! these cells is not counted. Sources and losses through surfaces therefore belong to both bodies, or to the window alone
+//! where they act inside it only.
 //!
 //! The heat source with the followed path may heat either body. Temperatures around the window are those of cells of the plate: the
 //! window should contain the melt pool and a few cells around it.
@@ -47,7 +47,7 @@ struct RunningMovingRefinement {
     window: BodyIndex,
     mover: WindowMover,
     path: Rc<TimedPath>,
-    /// Of the window, once a step begins.
+    /// Enthalpy curves of the window, set when the first step begins.
     curves: Vec<EnthalpyCurve>,
     position: WindowPosition,
     /// Lower corner of the window, m.
@@ -98,7 +98,7 @@ impl RunningCoupler for RunningMovingRefinement {
 
     fn begin_step(&mut self, world: &World, time: f64) {
         if self.curves.is_empty() {
-            // `thermal` has found the same ones at set-up
+            // `thermal` has checked the curves at set-up
             self.curves = world.enthalpy_curves(self.window).unwrap_or_default();
         }
         let Some(curve) = self.curves.first() else {

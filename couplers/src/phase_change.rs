@@ -42,7 +42,7 @@ pub struct PhaseChange {
 /// A phase change that is ready to run.
 struct RunningPhaseChange {
     body: usize,
-    /// By material.
+    /// Enthalpy curves by material.
     curves: Vec<EnthalpyCurve>,
     temperature: Read<f64>,
     enthalpy: ReadIfProvided<f64>,

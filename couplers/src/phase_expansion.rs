@@ -6,16 +6,15 @@
 //! e(T, a) = a (alpha_a (T - T_0) - contraction) + (1 - a) alpha (T - T_0)
 //! ```
 //!
-//! with the share a of austenite, its coefficient alpha_a, that of all other constituents alpha, and the contraction from these
-//! to austenite at the temperature T_0, `contraction_temperature`. A body of ferrite, pearlite, bainite or martensite is free of stress at T_ref; with
-//! `reference_austenite = 1`, a body of austenite is.
+//! with the fraction a of austenite, the coefficients alpha_a of austenite and alpha of all other constituents, and the contraction
+//! from these to austenite at the temperature T_0, `contraction_temperature`. A body of ferrite, pearlite, bainite or martensite
+//! is free of stress at T_ref, or a body of austenite with `reference_austenite = 1`.
 //!
 //! Coefficients and contraction when left out follow from the lattice of iron: 0.287 nm for ferrite and 0.357 nm for
 //! austenite with 0.15 % carbon at 20 °C give a contraction of 0.92 %; with 14.5e-6/K and 22.5e-6/K (means to 800 °C)
 //! 0.3 % are left of it at 780 °C. [estimated: dilatometer curves of low-alloy steels show 0.2 to 0.4 %]
 //!
-//! Above the cut-off temperature the strain is that of the cut-off temperature, as for `thermal_expansion`, whose place
-//! this coupler takes.
+//! Above the cut-off temperature the strain is constant, as for `thermal_expansion`, which this coupler replaces.
 
 use perimelt_core::{
     Coupler, Read, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World, Write, keys,
@@ -74,7 +73,7 @@ struct RunningPhaseExpansion {
 }
 
 impl PhaseExpansion {
-    /// Strain at a temperature (K) and a share of austenite.
+    /// Strain at a temperature (K) and a fraction of austenite.
     fn strain(&self, temperature: f64, austenite: f64) -> f64 {
         let (contraction, counted_from) = match self.contraction {
             Some(given) => {

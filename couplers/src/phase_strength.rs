@@ -1,11 +1,11 @@
 //! Yield stress of steel by its constituents
 //!
 //! ```text
-//! yield_stress = sum of share times yield stress of the constituent at the temperature
+//! yield_stress = sum of fraction times yield stress of the constituent at the temperature
 //! ```
 //!
-//! A constituent without a yield stress of its own has that of the material. The `mechanical` takes the field in place of
-//! the material property `yield_stress`.
+//! A constituent without its own yield stress has the yield stress of the material. `mechanical` uses the field instead of the
+//! material property `yield_stress`.
 
 use perimelt_core::material::Property;
 use perimelt_core::{

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! The rest of the work is stored in dislocations; the fraction is 0.8 to 1 in metals. The heat contains
-//! the whole change of the work since it was last computed, whatever the step sizes of the two physics.
+//! the whole change of the work since it was last computed, for any step sizes of the two physics.
 
 use perimelt_core::{Coupler, RunningCoupler, Setup, SetupError, World, keys};
 use schemars::JsonSchema;
@@ -43,8 +43,8 @@ impl Coupler for PlasticHeat {
         let body = setup.find_body(self.body.as_deref())?;
         let fraction = self.fraction;
         let find_factors = move |_: &World, factors: &mut [f64]| factors.fill(fraction);
-        let work = (body, &keys::PLASTIC_WORK);
-        WorkHeat::prepare(setup, work, "power from plastic work", find_factors)
+        let key = &keys::PLASTIC_WORK;
+        WorkHeat::prepare(setup, body, key, "power from plastic work", find_factors)
     }
 }
 

@@ -6,11 +6,11 @@
 //! ```
 //!
 //! The coupler owns the field `consolidated`: 0 in powder, 1 in dense metal, between them where the metal was in the mushy
-//! zone and froze again. `thermal` takes the conductivity from it, with the material property `powder_conductivity`;
+//! zone and froze again. `thermal` computes the conductivity from it, with the material property `powder_conductivity`;
 //! between powder and metal bonds conduct in series.
 //!
-//! A point keeps its volume and mass, those of the dense metal: a layer of powder is as thick as the metal that becomes of
-//! it. Shrinkage of the bed and the emissivity of powder are not modelled.
+//! A point has the volume and mass of the dense metal at all times: a layer of powder is as thick as the metal that it
+//! becomes. Shrinkage of the bed and the emissivity of powder are not modelled.
 
 use perimelt_core::{
     Coupler, Read, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
@@ -48,7 +48,7 @@ impl Coupler for Powder {
             Some(name) => setup.region(body, "region", name)?.points,
             None => (0..setup.body(body).points.len() as u32).collect(),
         };
-        // `thermal` needs it; here the mistake has the line of this table
+        // `thermal` needs the property; checked here, the mistake has the line of this table
         setup.world().property(body, "powder_conductivity")?;
         let consolidated = setup.write(body, &keys::CONSOLIDATED)?;
         setup.set_first(consolidated, |point| {

@@ -1,4 +1,4 @@
-//! Heat from the rate of a work between the times at which a coupler is applied.
+//! Heat from the rate of a work between two applications of a coupler.
 
 use perimelt_core::plugin::load_points;
 use perimelt_core::world::BodyIndex;
@@ -7,25 +7,25 @@ use perimelt_core::{
 };
 use rayon::prelude::*;
 
-/// Finds, at each point, the factor that makes the rate of a field a power per volume (W/m³).
+/// Computes the factor at each point that turns the rate of a field into a power per volume (W/m³).
 type FindFactors = Box<dyn Fn(&World, &mut [f64])>;
 
 /// Heat from the rate of a field, such as a work per volume that a physics does. All changes of the field are counted exactly
-/// once, whatever the step size of the physics that changes it.
+/// once, for any step size of the physics that changes it.
 pub(crate) struct WorkHeat {
     body: BodyIndex,
     field: Read<f64>,
     heat_source: Write<f64>,
     find_factors: FindFactors,
-    /// By point, as found last.
+    /// Last factor by point.
     factor: Vec<f64>,
-    /// Values of the field when the heat was last computed, zero before the first time. A restart needs them.
+    /// Values of the field when the heat was last computed, zero before the first time; part of a checkpoint.
     seen: Vec<f64>,
-    /// By point, W/m³.
+    /// Heat by point, W/m³.
     heat: Vec<f64>,
     /// Name of the power in reports.
     name: &'static str,
-    /// Of the last step, W.
+    /// Power of the last step, W.
     power: f64,
 }
 
@@ -33,7 +33,8 @@ impl WorkHeat {
     /// Heat from the rate of the field `key` of a body; its power is reported under `name`.
     pub fn prepare(
         setup: &mut Setup<'_>,
-        (body, key): (BodyIndex, &Key<f64>),
+        body: BodyIndex,
+        key: &Key<f64>,
         name: &'static str,
         find_factors: impl Fn(&World, &mut [f64]) + 'static,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {

@@ -57,8 +57,7 @@ pub(crate) fn select(
 
 /// The surface through which a boundary exchanges heat by a law, which the physics of the body evaluates.
 ///
-/// On a body on which material is deposited, the surface is that of the material which is there now: it changes with
-/// each point that becomes active.
+/// Where material is deposited, the surface changes with each point that becomes active.
 #[derive(Debug)]
 pub(crate) struct SurfaceHeat<L> {
     law: Rc<RefCell<L>>,
@@ -67,7 +66,7 @@ pub(crate) struct SurfaceHeat<L> {
     /// Points that limit the surface, ascending.
     region: Option<Vec<u32>>,
     activity: ActivityChanges,
-    /// What covers the surface, once it has changed.
+    /// Bare faces, once the surface has changed.
     free: Option<FreeFaces>,
 }
 
@@ -75,7 +74,8 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
     pub fn prepare(
         setup: &mut Setup<'_>,
         body: BodyIndex,
-        (faces, region): (&[Face], Option<&str>),
+        faces: &[Face],
+        region: Option<&str>,
         law: L,
     ) -> Result<SurfaceHeat<L>, SetupError> {
         if let Some(region) = region {
@@ -93,14 +93,15 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
         Ok(SurfaceHeat {
             faces: faces.to_vec(),
             region: points.transpose()?.map(|region| region.points),
-            ..Self::through(setup, body, (SurfaceDepth::Face, cells), law)?
+            ..Self::through(setup, body, SurfaceDepth::Face, cells, law)?
         })
     }
 
     fn through(
         setup: &mut Setup<'_>,
         body: BodyIndex,
-        (depth, cells): (SurfaceDepth, Vec<SurfaceCell>),
+        depth: SurfaceDepth,
+        cells: Vec<SurfaceCell>,
         law: L,
     ) -> Result<SurfaceHeat<L>, SetupError> {
         let law = Rc::new(RefCell::new(law));
@@ -114,7 +115,7 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
         })
     }
 
-    /// Through the plane of a 2D body, or of a region of it.
+    /// Exchange through the plane of a 2D body, or of a region of it.
     pub fn through_plane(
         setup: &mut Setup<'_>,
         body: BodyIndex,
@@ -137,10 +138,10 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
             }
         };
         let cells = points.into_iter().map(cell).collect();
-        Self::through(setup, body, (SurfaceDepth::Plane, cells), law)
+        Self::through(setup, body, SurfaceDepth::Plane, cells, law)
     }
 
-    /// The law, to bring it up to date.
+    /// The law, for updates.
     pub fn law(&self) -> RefMut<'_, L> {
         self.law.borrow_mut()
     }
@@ -150,7 +151,7 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
         self.exchange.cells()
     }
 
-    /// Counts how often the faces have changed.
+    /// Number of changes of the faces.
     pub fn version(&self) -> u64 {
         self.exchange.version()
     }
@@ -241,7 +242,7 @@ mod tests {
         setup.next_plugin("heat");
         let faces = [Face::ZMax, Face::XMin];
         let law = PrescribedFlux(1.0);
-        let surface = SurfaceHeat::prepare(&mut setup, 0, (&faces, None), law);
+        let surface = SurfaceHeat::prepare(&mut setup, 0, &faces, None, law);
         let mut surface = surface.expect("valid");
         setup.next_plugin("deposit");
         let upper: Vec<u32> = (18..36).collect();
@@ -287,7 +288,7 @@ mod tests {
         let mut setup = Setup::new(&mut world, Path::new("."));
         setup.next_plugin("heat");
         let law = PrescribedFlux(1.0);
-        let surface = SurfaceHeat::prepare(&mut setup, 0, (&Face::ALL, None), law);
+        let surface = SurfaceHeat::prepare(&mut setup, 0, &Face::ALL, None, law);
         boundaries(&mut setup);
         setup.next_plugin("thermal");
         setup.own(0, &keys::TEMPERATURE).expect("free");

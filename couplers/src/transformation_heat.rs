@@ -4,8 +4,8 @@
 //! heat_source += -density latent_heat d(austenite)/dt          (W/m³)
 //! ```
 //!
-//! Cooling steel gets warmer where austenite transforms, heating steel takes the heat up again. The change of the share of
-//! austenite since the heat was last computed is taken up in full, whatever the steps of the two physics.
+//! Steel releases heat on cooling where austenite transforms, and absorbs it again on heating. The heat contains the whole change
+//! of the fraction of austenite since it was last computed, for any step sizes of the two physics.
 //!
 //! Not beside a specific heat that contains the heat of transformation, such as that of the library's S355, which has
 //! its peak at 735 °C: the heat would count twice.
@@ -53,8 +53,8 @@ impl Coupler for TransformationHeat {
             let points = factors.iter_mut().zip(&density);
             points.for_each(|(factor, density)| *factor = -density * self.latent_heat);
         };
-        let share = (body, &keys::AUSTENITE);
-        WorkHeat::prepare(setup, share, "power from transformation", find_factors)
+        let key = &keys::AUSTENITE;
+        WorkHeat::prepare(setup, body, key, "power from transformation", find_factors)
     }
 }
 

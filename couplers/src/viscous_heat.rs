@@ -4,7 +4,7 @@
 //! heat_source += d(viscous_work)/dt          (W/m³)          Gao (2020), eq. 5.65
 //! ```
 //!
-//! The change of the work since the heat was last computed is taken up in full, whatever the steps of the two physics.
+//! The heat contains the whole change of the work since it was last computed, for any step sizes of the two physics.
 
 use perimelt_core::{Coupler, RunningCoupler, Setup, SetupError, World, keys};
 use schemars::JsonSchema;
@@ -29,8 +29,8 @@ impl Coupler for ViscousHeat {
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let find_factors = |_: &World, factors: &mut [f64]| factors.fill(1.0);
-        let work = (body, &keys::VISCOUS_WORK);
-        WorkHeat::prepare(setup, work, "power from friction", find_factors)
+        let key = &keys::VISCOUS_WORK;
+        WorkHeat::prepare(setup, body, key, "power from friction", find_factors)
     }
 }
 

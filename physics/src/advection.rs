@@ -1,4 +1,4 @@
-//! What a flow through points carries: fluxes and their divergence, and the stabilisation of convective terms.
+//! Convective transport: fluxes, their divergence, and the stabilisation of convective terms.
 //!
 //! A field f is carried by `(f div(rho v) - div(rho v f)) / rho`: the integral of `rho f` is kept to rounding and uniform
 //! fields stay uniform. Walls mirror the flux, also where the fluid sticks to them, so that nothing flows through.
@@ -25,15 +25,15 @@ pub enum Convection {
     Central,
 }
 
-/// The family over which the flow through the points of a body is summed: what the flow carries is kept to rounding by sums
-/// over the same bonds.
+/// The family over which the flow through the points of a body is summed. Sums over the same bonds conserve transported
+/// quantities to rounding.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FlowFamily(pub FamilyHandle);
 
 impl Fact for FlowFamily {}
 
-/// Horizon of the derivatives of a flow where none is given: 3.015 spacings as published, 2.015 for an Eulerian fluid on a
-/// lattice, whose points need no more neighbours than that.
+/// Default horizon of the derivatives of a flow: 3.015 spacings as published, 2.015 for an Eulerian fluid on a lattice,
+/// which needs fewer neighbours.
 pub(crate) fn usual_horizon(description: Description, body: &Body) -> Horizon {
     match description {
         flow if flow.flows_through() && body.lattice().is_some() => Horizon::Spacings(2.015),
@@ -49,7 +49,8 @@ impl Convection {
     /// Laplacian (1/m²), at about which they decay for a diffusivity of one.
     pub(crate) fn missing_diffusivity(
         self,
-        (speed, spacing): (f64, f64),
+        speed: f64,
+        spacing: f64,
         laplacian: f64,
         diffusivity: f64,
     ) -> f64 {
@@ -73,8 +74,10 @@ impl ShortWaves {
     /// Sets `d (f - mean f)`, given by point, for a component of a field that continues behind faces by these rules.
     pub(crate) fn find(
         &mut self,
-        (pddo, work): (&Pddo, &mut Derivatives),
-        (rules, component): (&[LayerRule], usize),
+        pddo: &Pddo,
+        work: &mut Derivatives,
+        rules: &[LayerRule],
+        component: usize,
         difference: impl Fn(usize) -> f64 + Sync,
     ) {
         self.rules.clear();
@@ -112,9 +115,9 @@ impl<const D: usize> BondKernel<D, D> for Laplacian {
 /// A flux through space and its divergence.
 #[derive(Clone, Debug)]
 pub(crate) struct Flux {
-    /// By slot, one array for each axis.
+    /// Components by slot, one array for each axis.
     slots: Vec<SlotField>,
-    /// By point.
+    /// Divergence at each point.
     pub(crate) divergence: Vec<f64>,
 }
 
@@ -129,7 +132,8 @@ impl Flux {
     /// Sets the flux to the velocity, given by slot, or to the flux of mass where a density is given. Walls mirror it.
     pub(crate) fn find(
         &mut self,
-        (pddo, work): (&Pddo, &mut Derivatives),
+        pddo: &Pddo,
+        work: &mut Derivatives,
         velocity: &[SlotField],
         density: Option<&[f64]>,
     ) {
@@ -152,7 +156,8 @@ impl Flux {
     /// Sets the flux to that of a field, given by slot, that the flux of mass carries.
     pub(crate) fn carry(
         &mut self,
-        (pddo, work): (&Pddo, &mut Derivatives),
+        pddo: &Pddo,
+        work: &mut Derivatives,
         mass: &Flux,
         field: &[f64],
     ) {
@@ -175,7 +180,7 @@ mod tests {
     use perimelt_core::Family;
     use perimelt_core::body::{Jitter, Store};
 
-    /// What is missing for a decay at 0.15 times speed over spacing.
+    /// The missing diffusivity gives short waves a decay rate of 0.15 times speed over spacing.
     #[test]
     fn short_waves_lack_what_makes_them_decay() {
         // 0.15 * 2 m/s over 0.5 m, by a sum of 30 / m²
@@ -186,7 +191,7 @@ mod tests {
             (Convection::Hybrid, 1.0, 0.0),
             (Convection::Central, 0.0, 0.0),
         ] {
-            let found = convection.missing_diffusivity((2.0, 0.5), 30.0, diffusivity);
+            let found = convection.missing_diffusivity(2.0, 0.5, 30.0, diffusivity);
             assert!(
                 (found - expected).abs() < 1e-15,
                 "{convection:?} {diffusivity}: {found}"
@@ -203,7 +208,7 @@ mod tests {
         let mut short_waves = ShortWaves::default();
         let place = &body.points.position;
         let wave = |i: usize| (2.0 * place[i].x).sin();
-        short_waves.find((&pddo, &mut Derivatives::default()), (&[], 0), wave);
+        short_waves.find(&pddo, &mut Derivatives::default(), &[], 0, wave);
         assert!(short_waves.rate(20).abs() > 0.1);
         short_waves.vanish();
         assert_eq!(short_waves.rate(20), 0.0);

@@ -1,11 +1,11 @@
-//! Physics plugins: things with a state that the scheduler steps.
+//! Physics plugins, whose state the scheduler advances in time.
 //!
 //! | type | owns | consumes |
 //! |---|---|---|
 //! | `thermal` | `temperature`, `enthalpy` | `heat_source` |
 //! | `thermal_history` | highest temperatures, cooling times, solidification | |
-//! | `metallurgy` | shares of austenite, ferrite, pearlite, bainite and martensite, hardness | |
-//! | `replay` | the fields it is told to read from a log | |
+//! | `metallurgy` | fractions of austenite, ferrite, pearlite, bainite and martensite, hardness | |
+//! | `replay` | the fields listed in `fields` or `values` | |
 //! | `fluid` | `velocity`, `density`, `pressure` | `body_force` |
 //! | `rigid_body` | `displacement`, `velocity` | `body_force`, `impulse` |
 //! | `mechanical` | `displacement`, `velocity`, `stress`, `conjugate_stress` | `eigenstrain`, `body_force` |

@@ -2,13 +2,13 @@
 //!
 //! Between two logged states every field is interpolated linearly in time; before the first and after the
 //! last state it is constant. Steps end on the logged times, so that the logged states are reproduced
-//! exactly. One thermal run can so drive many mechanical runs; log it with `precision = "f64"` if seven
+//! exactly. One thermal run can thus drive many mechanical runs; log it with `precision = "f64"` if seven
 //! digits are not enough.
 //!
 //! The body must have the same points as the logged body.
 //!
-//! `values` gives scalar fields in place of a log: by formulas, or by files of other programs and of measurements, one or one for each
-//! of several times, between whose points values are interpolated. Steps end on these times.
+//! `values` gives scalar fields in place of a log: by formulas, or by files of other programs and of measurements, a single file or one for
+//! each of several times; values are interpolated between the points of a file. Steps end on these times.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -17,8 +17,8 @@ use nalgebra::{Matrix3, Vector3};
 use perimelt_core::in_time::earlier;
 use perimelt_core::log::{CloudField, Log, LogError, LoggedCloud};
 use perimelt_core::{
-    InSpace, Key, Physics, Placed, Problem, RunError, RunningPhysics, Setup, SetupError, Step,
-    StepLimits, Stepping, Work, World, Write, keys,
+    Body, InSpace, Key, Physics, Placed, Problem, RunError, RunningPhysics, Setup, SetupError,
+    Step, StepLimits, Stepping, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -57,7 +57,7 @@ struct ReplayedLog {
     log: Log,
     body: String,
     fields: Vec<ReplayedField>,
-    window: Option<Window>,
+    interval: Option<LoggedInterval>,
 }
 
 /// States that are replayed.
@@ -67,7 +67,7 @@ enum RunningReplay {
 }
 
 /// The two logged states around the current time.
-struct Window {
+struct LoggedInterval {
     /// Index of the older state in the log.
     first: usize,
     older: LoggedCloud,
@@ -116,16 +116,16 @@ impl ReplayedLog {
             .clamp(1, times.len().max(2) - 1);
         let (first, second) = (after - 1, after.min(times.len() - 1));
         if self
-            .window
+            .interval
             .as_ref()
-            .is_none_or(|window| window.first != first)
+            .is_none_or(|interval| interval.first != first)
         {
-            let older = match self.window.take() {
-                Some(window) if window.first + 1 == first => window.newer,
+            let older = match self.interval.take() {
+                Some(interval) if interval.first + 1 == first => interval.newer,
                 _ => self.log.cloud(&self.body, first)?,
             };
             let newer = self.log.cloud(&self.body, second)?;
-            self.window = Some(Window {
+            self.interval = Some(LoggedInterval {
                 first,
                 older,
                 newer,
@@ -137,7 +137,7 @@ impl ReplayedLog {
     /// Writes the fields at `time` (s).
     fn write(&mut self, world: &World, time: f64) -> Result<(), LogError> {
         self.load(time)?;
-        let Window { older, newer, .. } = self.window.as_ref().expect("loaded above");
+        let LoggedInterval { older, newer, .. } = self.interval.as_ref().expect("loaded above");
         let span = newer.time - older.time;
         let fraction = if span > 0.0 {
             ((time - older.time) / span).clamp(0.0, 1.0)
@@ -169,6 +169,30 @@ impl ReplayedLog {
         }
         Ok(())
     }
+}
+
+/// Compares the points of the first logged state with those of the body.
+fn check_points(first: &LoggedCloud, body: &Body) -> Result<(), Misfit> {
+    let positions = &body.points.position;
+    if first.positions.len() != positions.len() {
+        return Err(Misfit::Points {
+            logged: first.positions.len(),
+            here: positions.len(),
+        });
+    }
+    // rounding to single precision and the displacement of the first state are far below a quarter of a cell
+    let spacings = &body.points.spacing;
+    let pairs = first.positions.iter().zip(positions).zip(spacings);
+    for (point, ((logged, here), spacing)) in pairs.enumerate() {
+        if (Vector3::from(*logged) - here).norm() > 0.25 * spacing {
+            return Err(Misfit::Position {
+                point,
+                logged: *logged,
+                here: (*here).into(),
+            });
+        }
+    }
+    Ok(())
 }
 
 fn find<'a>(cloud: &'a LoggedCloud, name: &str) -> Option<&'a CloudField> {
@@ -259,7 +283,7 @@ impl RunningReplay {
 }
 
 impl Replay {
-    /// Opens the log and takes over its fields.
+    /// Opens the log and finds its fields.
     fn prepare_log(
         &self,
         setup: &mut Setup<'_>,
@@ -295,27 +319,7 @@ impl Replay {
         let first = log
             .cloud(&name, 0)
             .map_err(|e| SetupError::other("log", e))?;
-        let positions = &here.points.position;
-        if first.positions.len() != positions.len() {
-            let misfit = Misfit::Points {
-                logged: first.positions.len(),
-                here: positions.len(),
-            };
-            return Err(SetupError::other("log", misfit));
-        }
-        // rounding to single precision and the displacement of the first state are far below a quarter of a cell
-        let spacings = &here.points.spacing;
-        let pairs = first.positions.iter().zip(positions).zip(spacings);
-        for (point, ((logged, here), spacing)) in pairs.enumerate() {
-            if (Vector3::from(*logged) - here).norm() > 0.25 * spacing {
-                let misfit = Misfit::Position {
-                    point,
-                    logged: *logged,
-                    here: (*here).into(),
-                };
-                return Err(SetupError::other("log", misfit));
-            }
-        }
+        check_points(&first, here).map_err(|misfit| SetupError::other("log", misfit))?;
         let mut fields = Vec::new();
         for field in &self.fields {
             let Some(logged) = find(&first, field) else {
@@ -338,11 +342,11 @@ impl Replay {
             log,
             body: name,
             fields,
-            window: None,
+            interval: None,
         })))
     }
 
-    /// Takes over the fields that are given by values.
+    /// Prepares the fields that are given by `values`.
     fn prepare_values(
         &self,
         setup: &mut Setup<'_>,

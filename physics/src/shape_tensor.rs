@@ -1,18 +1,18 @@
-//! Shape tensor `A = sum w xi xi^T V` of families, the complete one, and families that the points of walls complete.
+//! Shape tensor `A = sum w xi xi^T V` of families, complete families, and families completed by the points of walls.
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::ForeignBonds;
 use perimelt_core::{Body, Family};
 
-/// Least eigenvalue of `A / a`, that of a flat free surface: where a family has less, as at corners, the fluid is
-/// slightly softer, which does not matter at a surface without pressure.
+/// Least eigenvalue of `A / a`: the value at a flat free surface. Families with less, as at corners, make the fluid slightly
+/// softer, which has no effect at a surface without pressure.
 const SMALLEST: f64 = 0.5;
 
 /// Product of the eigenvalues of `A / a` from which a family counts as complete: the second row below a flat free
 /// surface has 0.84. Below, one eigenvalue may be as small as [`SMALLEST`].
 const COMPLETE: f64 = 0.85;
 
-/// Components of `A^-1`, in the order in which they are stored: those of a plane come first.
+/// Components of `A^-1` in storage order; the components of a plane come first.
 pub(crate) const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (0, 1), (2, 2), (1, 2), (0, 2)];
 
 /// Whether a component stands on the diagonal.
@@ -20,7 +20,7 @@ pub(crate) fn is_diagonal(component: usize) -> bool {
     COMPONENTS[component].0 == COMPONENTS[component].1
 }
 
-/// Number of them.
+/// Number of components.
 pub(crate) const fn components(dimension: usize) -> usize {
     dimension * (dimension + 1) / 2
 }
@@ -28,7 +28,7 @@ pub(crate) const fn components(dimension: usize) -> usize {
 /// A complete family, or the fullest one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CompleteFamily {
-    /// The point that has it.
+    /// The point with this family.
     pub point: usize,
     /// `sum w |xi|^2 V / dimension`, m.
     pub moment: f64,
@@ -42,8 +42,8 @@ pub(crate) struct CompleteFamily {
     pub own_content: f64,
 }
 
-/// `A^-1` from the components of `A`, with the eigenvalues of `A / complete` not below [`SMALLEST`], and whether they
-/// are those of a complete family.
+/// `A^-1` from the components of `A`, with the eigenvalues of `A / complete` not below [`SMALLEST`], and whether the family is
+/// complete.
 pub(crate) fn inverted<const D: usize>(sums: &[f64], complete: f64) -> (Matrix3<f64>, bool) {
     // one along the axis that a plane body does not have
     let mut shape = Matrix3::identity();
@@ -51,7 +51,7 @@ pub(crate) fn inverted<const D: usize>(sums: &[f64], complete: f64) -> (Matrix3<
         shape[(a, b)] = sum / complete;
         shape[(b, a)] = sum / complete;
     }
-    // the eigenvalues of a run that has blown up would be looked for without end
+    // the search for eigenvalues does not end for values that are not finite
     if !shape.iter().all(|x| x.is_finite()) {
         return (Matrix3::identity() / complete, false);
     }
@@ -76,7 +76,7 @@ impl CompleteFamily {
                 own_square += bond.weight * bond.length * bond.length;
                 own_content += bond.weight;
             });
-            // so that rounding does not decide between equal families
+            // the tolerance makes the choice between equal families independent of rounding
             if own_square > square * (1.0 + 1e-9) {
                 (square, content, point) = (own_square, own_content, candidate);
             }
@@ -98,13 +98,13 @@ impl CompleteFamily {
     }
 }
 
-/// What families and bonds to walls hold together, by point.
+/// Sums over families and bonds to walls at each point.
 pub(crate) struct Completion {
     /// `sum w V` over the family, 1/m.
     pub content: Vec<f64>,
-    /// The same over walls, 1/m.
+    /// `sum w V` over bonds to walls, 1/m.
     pub at_walls: Vec<f64>,
-    /// `sum w xi V` over both.
+    /// `sum w xi V` over the family and bonds to walls.
     asymmetry: Vec<Vector3<f64>>,
 }
 

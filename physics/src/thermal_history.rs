@@ -1,18 +1,18 @@
-//! What each point went through: highest temperature, time above a temperature, cooling time, and how it solidified.
+//! Thermal history of each point: highest temperature, time above a temperature, cooling time and solidification.
 //!
 //! The physics stands after the one that owns the temperature and reads it at the end of every macro step. Between two of
 //! them the temperature is taken as linear in time, so that times of crossing have an error of second order in the step
 //! (`time.step`, `time.stages`, and no step is longer than the log interval).
 //!
-//! - `cooling_time` is that of the last time when a point cooled from the upper to the lower of two temperatures without
+//! - `cooling_time` is the time in which a point last cooled from the upper to the lower of two temperatures without
 //!   reaching the upper one again: `t8/5` between 800 and 500 °C.
-//! - At the last solidification of a point, when its temperature falls below that of `solidification`: `cooling_rate`
+//! - At the last solidification of a point, when its temperature falls below `solidification`: `cooling_rate`
 //!   dT/dt, `thermal_gradient` G, the magnitude of the gradient by a quadratic least-squares fit to the points within two
 //!   spacings, at the time of crossing, and `solidification_speed` R = dT/dt / G of the front along its normal;
 //!   `melting_time` and `solidification_time`, when the point rose above that temperature and fell below it.
 //!   `solidifications` counts them: states that are logged between two of them have all (`perimelt export --format exaca`).
 //!
-//! All are zero where it has not happened, and at points whose material has not been deposited yet. The history of a
+//! All are zero where no such event has occurred, and at points whose material has not been deposited yet. The history of a
 //! deposited point begins at the end of the step in which it is born.
 
 use std::cell::OnceCell;
@@ -46,7 +46,7 @@ pub struct ThermalHistory {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub above: Option<f64>,
     /// Upper and lower temperature of `cooling_time`, K.
-    #[serde(default = "eight_five")]
+    #[serde(default = "default_cooling_range")]
     pub cooling: [f64; 2],
     /// Temperature of the solidification front, K; the liquidus of the body's material when left out.
     #[serde(default)]
@@ -55,7 +55,7 @@ pub struct ThermalHistory {
 }
 
 /// 800 and 500 °C.
-fn eight_five() -> [f64; 2] {
+fn default_cooling_range() -> [f64; 2] {
     [1073.15, 773.15]
 }
 
@@ -78,44 +78,45 @@ struct RunningHistory {
     solidification: Option<f64>,
     neighbours: CellList,
     images: OnceCell<Vec<Image>>,
-    /// At the end of the last step.
-    points: Vec<Point>,
-    /// Of this step.
-    next: Vec<(Point, Found)>,
+    /// Histories at the end of the last step.
+    points: Vec<PointHistory>,
+    /// Histories at the end of this step, and their changes.
+    next: Vec<(PointHistory, HistoryChange)>,
 }
 
-/// What must be known of a point from one step to the next.
+/// State of a point that is carried from one step to the next.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct Point {
-    /// K; zero where there is no material yet.
+struct PointHistory {
+    /// Temperature, K; zero where there is no material yet.
     temperature: f64,
-    /// When it fell below the upper temperature of `cooling_time`, s.
+    /// Time at which the temperature fell below the upper temperature of `cooling_time`, s.
     cooling_since: Option<f64>,
-    /// When it melted, s, where it is liquid.
+    /// Time of melting, s, while the point is liquid.
     molten_since: Option<f64>,
 }
 
-/// What a step adds to the history of a point.
+/// Change of the history of a point in a step.
 #[derive(Clone, Copy, Debug, Default)]
-struct Found {
+struct HistoryChange {
     time_above: f64,
     cooling_time: Option<f64>,
     solidified: Option<Solidification>,
 }
 
+/// A solidification of a point.
 #[derive(Clone, Copy, Debug)]
 struct Solidification {
-    /// K/s, positive.
+    /// Cooling rate, K/s, positive.
     rate: f64,
-    /// K/m.
+    /// Magnitude of the temperature gradient, K/m.
     gradient: f64,
-    /// When it melted before, s.
+    /// Time of the preceding melting, s.
     melted: f64,
-    /// s.
+    /// Time of solidification, s.
     time: f64,
 }
 
-/// Share of a step after which a temperature that changes linearly passes a level, if it does.
+/// Fraction of a step after which a linearly changing temperature crosses a level, if it does.
 fn crossing(before: f64, after: f64, level: f64) -> Option<f64> {
     ((before > level) != (after > level)).then(|| (before - level) / (before - after))
 }
@@ -148,7 +149,7 @@ impl ThermalHistory {
     }
 }
 
-/// A property that all materials of a body share, if they do.
+/// A property that is equal in all materials of a body, if it is.
 fn common(body: &Body, property: &str) -> Option<f64> {
     let materials = body.materials.iter();
     let values: Option<Vec<Property>> = materials.map(|m| m.get(property).cloned()).collect();
@@ -161,12 +162,12 @@ impl Physics for ThermalHistory {
         self: Box<Self>,
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningPhysics>, SetupError> {
-        Ok(Box::new(self.ready(setup)?))
+        Ok(Box::new(self.prepare_history(setup)?))
     }
 }
 
 impl ThermalHistory {
-    fn ready(&self, setup: &mut Setup<'_>) -> Result<RunningHistory, SetupError> {
+    fn prepare_history(&self, setup: &mut Setup<'_>) -> Result<RunningHistory, SetupError> {
         self.check()?;
         let body = setup.find_body(self.body.as_deref())?;
         let this = setup.body(body);
@@ -191,7 +192,7 @@ impl ThermalHistory {
             solidification: self.solidification.or(liquidus),
             neighbours,
             images: OnceCell::new(),
-            points: vec![Point::default(); count],
+            points: vec![PointHistory::default(); count],
             next: Vec::with_capacity(count),
         })
     }
@@ -209,7 +210,7 @@ impl RunningPhysics for RunningHistory {
             let temperature = if is_there(i) { temperature[i] } else { 0.0 };
             peak[i] = temperature;
             let is_molten = self.solidification.is_some_and(|level| temperature > level);
-            *point = Point {
+            *point = PointHistory {
                 temperature,
                 cooling_since: None,
                 molten_since: is_molten.then_some(0.0),
@@ -219,7 +220,7 @@ impl RunningPhysics for RunningHistory {
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
-        self.follow(world, step);
+        self.find_changes(world, step);
         self.write(world);
         Ok(Work::default())
     }
@@ -239,8 +240,8 @@ impl RunningPhysics for RunningHistory {
 }
 
 impl RunningHistory {
-    /// Finds what the step adds for each point.
-    fn follow(&mut self, world: &World, step: Step) {
+    /// Finds the changes of all histories in a step.
+    fn find_changes(&mut self, world: &World, step: Step) {
         let [upper, lower] = self.cooling;
         let now = world.read(self.temperature);
         let now: &[f64] = &now;
@@ -248,59 +249,63 @@ impl RunningHistory {
         let (above, solidification) = (self.above, self.solidification);
         let images = || images(body, &world.symmetry(self.body));
         let images = self.images.get_or_init(images);
-        let around = (&self.neighbours, &images[..]);
+        let neighbourhood = Neighbourhood {
+            body,
+            list: &self.neighbours,
+            images,
+        };
         let points = &self.points;
         let activity = world.activity(self.body);
         let activity = activity.as_deref();
         let is_known = |i: usize| activity.is_none() || points[i].temperature > 0.0;
         let of_point = |i: usize| {
-            let Point {
+            let PointHistory {
                 temperature: before,
                 mut cooling_since,
                 mut molten_since,
             } = points[i];
             if activity.is_some_and(|a| !is_active(a[i])) {
-                return (Point::default(), Found::default());
+                return (PointHistory::default(), HistoryChange::default());
             }
             let after = now[i];
             let before = if is_known(i) { before } else { after };
-            let mut found = Found::default();
-            let at = |share: f64| step.start + share * step.size;
+            let mut found = HistoryChange::default();
+            let at = |fraction: f64| step.start + fraction * step.size;
             if let Some(level) = above {
-                found.time_above = step.size * share_above(before, after, level);
+                found.time_above = step.size * fraction_above(before, after, level);
             }
             match crossing(before, after, upper) {
-                Some(share) if after < before => cooling_since = Some(at(share)),
+                Some(fraction) if after < before => cooling_since = Some(at(fraction)),
                 Some(_) => cooling_since = None,
                 None => {}
             }
             let reaches_lower = crossing(before, after, lower).filter(|_| after < before);
-            if let (Some(since), Some(share)) = (cooling_since, reaches_lower) {
-                found.cooling_time = Some(at(share) - since);
+            if let (Some(since), Some(fraction)) = (cooling_since, reaches_lower) {
+                found.cooling_time = Some(at(fraction) - since);
                 cooling_since = None;
             }
             let passes = solidification.and_then(|level| crossing(before, after, level));
             match passes {
-                Some(share) if after > before => molten_since = Some(at(share)),
-                // deposited as a liquid
+                Some(fraction) if after > before => molten_since = Some(at(fraction)),
+                // deposition of liquid material
                 None if !is_known(i) && solidification.is_some_and(|level| after > level) => {
                     molten_since = Some(step.start + step.size);
                 }
                 _ => {}
             }
-            found.solidified = passes.filter(|_| after < before).map(|share| {
+            found.solidified = passes.filter(|_| after < before).map(|fraction| {
                 let field = |j: usize| {
                     let before = points[j].temperature;
-                    before + share * (now[j] - before)
+                    before + fraction * (now[j] - before)
                 };
                 Solidification {
                     rate: (before - after) / step.size,
-                    gradient: gradient(body, around, i, (is_known, field)).norm(),
+                    gradient: neighbourhood.gradient(i, is_known, field).norm(),
                     melted: molten_since.take().unwrap_or(0.0),
-                    time: at(share),
+                    time: at(fraction),
                 }
             });
-            let point = Point {
+            let point = PointHistory {
                 temperature: after,
                 cooling_since,
                 molten_since,
@@ -347,11 +352,11 @@ impl RunningHistory {
     }
 }
 
-/// Share of a step in which a temperature that changes linearly is above a level.
-fn share_above(before: f64, after: f64, level: f64) -> f64 {
+/// Fraction of a step in which a linearly changing temperature is above a level.
+fn fraction_above(before: f64, after: f64, level: f64) -> f64 {
     match crossing(before, after, level) {
-        Some(share) if after < before => share,
-        Some(share) => 1.0 - share,
+        Some(fraction) if after < before => fraction,
+        Some(fraction) => 1.0 - fraction,
         None if after > level => 1.0,
         None => 0.0,
     }
@@ -360,12 +365,12 @@ fn share_above(before: f64, after: f64, level: f64) -> f64 {
 /// Terms of a quadratic polynomial without its constant: along three axes, squares, products.
 const TERMS: usize = 9;
 
-/// Where points are seen again: as they are, behind planes of symmetry, beyond periodic sides.
+/// Map of points to their images: the identity, or images at planes of symmetry and beyond periodic sides.
 #[derive(Clone, Copy, Debug)]
 struct Image {
-    /// By axis, -1 where it is a mirror image.
+    /// Factor of each coordinate, -1 where the image is mirrored.
     mirror: [f64; 3],
-    /// m.
+    /// Offset of each coordinate, m.
     offset: [f64; 3],
 }
 
@@ -374,13 +379,13 @@ impl Image {
         Vector3::from_fn(|a, _| self.mirror[a] * x[a] + self.offset[a])
     }
 
-    /// The place whose image is `x`.
+    /// The position whose image is `x`.
     fn origin(&self, x: Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|a, _| self.mirror[a] * (x[a] - self.offset[a]))
     }
 }
 
-/// The body itself, which is the first one, and all images around it.
+/// All images of a body; the first is the body itself.
 fn images(body: &Body, symmetry: &[Face]) -> Vec<Image> {
     let itself = Image {
         mirror: [1.0; 3],
@@ -404,45 +409,55 @@ fn images(body: &Body, symmetry: &[Face]) -> Vec<Image> {
     images
 }
 
-/// Gradient of a field at a point, per m, by a least-squares fit of a quadratic polynomial to the points around, of a
-/// linear one where they are too few; zero where they do not determine that either. Only points for which the field
-/// `is_known` count.
-fn gradient(
-    body: &Body,
-    (list, images): (&CellList, &[Image]),
-    point: usize,
-    (is_known, field): (impl Fn(usize) -> bool, impl Fn(usize) -> f64),
-) -> Vector3<f64> {
-    let (at, spacing) = (body.points.position[point], body.points.spacing[point]);
-    let own = field(point);
-    let mut moment = SMatrix::<f64, TERMS, TERMS>::zeros();
-    let mut right = SVector::<f64, TERMS>::zeros();
-    for (n, image) in images.iter().enumerate() {
-        list.visit_near(&image.origin(at), RADIUS * spacing, |other| {
-            let mut xi: Vector3<f64> = (image.of(body.points.position[other]) - at) / spacing;
-            (body.dimension..3).for_each(|axis| xi[axis] = 0.0);
-            let squared = xi.norm_squared();
-            let is_itself = n == 0 && other == point;
-            if !is_itself && squared <= RADIUS * RADIUS && is_known(other) {
-                let [x, y, z] = xi.into();
-                let terms = SVector::from([x, y, z, x * x, y * y, z * z, x * y, y * z, z * x]);
-                moment += terms * terms.transpose() / squared;
-                right += terms * ((field(other) - own) / squared);
-            }
-        });
-    }
-    // terms along axes that the body does not have are zero
-    for term in 0..TERMS {
-        if moment[(term, term)] == 0.0 {
-            moment[(term, term)] = 1.0;
+/// Points of a body and their images.
+struct Neighbourhood<'a> {
+    body: &'a Body,
+    list: &'a CellList,
+    images: &'a [Image],
+}
+
+impl Neighbourhood<'_> {
+    /// Gradient of a field at a point, per m, by a least-squares fit of a quadratic polynomial to the points within
+    /// [`RADIUS`]; of a linear one where these points do not determine a quadratic one; zero where they determine neither.
+    /// Only points for which the field `is_known` count.
+    fn gradient(
+        &self,
+        point: usize,
+        is_known: impl Fn(usize) -> bool,
+        field: impl Fn(usize) -> f64,
+    ) -> Vector3<f64> {
+        let Neighbourhood { body, list, images } = *self;
+        let (at, spacing) = (body.points.position[point], body.points.spacing[point]);
+        let own = field(point);
+        let mut moment = SMatrix::<f64, TERMS, TERMS>::zeros();
+        let mut right = SVector::<f64, TERMS>::zeros();
+        for (n, image) in images.iter().enumerate() {
+            list.visit_near(&image.origin(at), RADIUS * spacing, |other| {
+                let mut xi: Vector3<f64> = (image.of(body.points.position[other]) - at) / spacing;
+                (body.dimension..3).for_each(|axis| xi[axis] = 0.0);
+                let squared = xi.norm_squared();
+                let is_itself = n == 0 && other == point;
+                if !is_itself && squared <= RADIUS * RADIUS && is_known(other) {
+                    let [x, y, z] = xi.into();
+                    let terms = SVector::from([x, y, z, x * x, y * y, z * z, x * y, y * z, z * x]);
+                    moment += terms * terms.transpose() / squared;
+                    right += terms * ((field(other) - own) / squared);
+                }
+            });
         }
+        // terms along axes beyond the dimension of the body are zero
+        for term in 0..TERMS {
+            if moment[(term, term)] == 0.0 {
+                moment[(term, term)] = 1.0;
+            }
+        }
+        let quadratic = solve(moment, right).map(|all| all.fixed_rows::<3>(0).into_owned());
+        let linear = || {
+            let moment = moment.fixed_view::<3, 3>(0, 0).into_owned();
+            solve(moment, right.fixed_rows::<3>(0).into_owned())
+        };
+        quadratic.or_else(linear).unwrap_or_default() / spacing
     }
-    let quadratic = solve(moment, right).map(|all| all.fixed_rows::<3>(0).into_owned());
-    let linear = || {
-        let moment = moment.fixed_view::<3, 3>(0, 0).into_owned();
-        solve(moment, right.fixed_rows::<3>(0).into_owned())
-    };
-    quadratic.or_else(linear).unwrap_or_default() / spacing
 }
 
 /// Solves normal equations; `None` if the matrix is singular to single precision.

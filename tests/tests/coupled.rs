@@ -492,7 +492,7 @@ fn the_order_of_tables_in_a_case_file_does_not_matter() {
     let heat = "[[physics]]\ntype = 'thermal'\nbody = 'fluid'\nsurfaces = 'mirrored'";
     let plate = "[[physics]]\ntype = 'thermal'\nbody = 'plate'";
     let walls = ["y-", "y+"].map(|face| {
-        format!("[[couplers]]\ntype = 'wall'\nbody = 'fluid'\nface = '{face}'\nkind = 'slip'")
+        format!("[[couplers]]\ntype = 'wall'\nbody = 'fluid'\nfaces = ['{face}']\nkind = 'slip'")
     });
     let melting = "[[couplers]]\ntype = 'phase_change'\nbody = 'plate'";
     let exchange =
@@ -515,4 +515,24 @@ fn the_order_of_tables_in_a_case_file_does_not_matter() {
     let physics = state(&[plate, heat, fluid, exchange, melting, upper, lower]);
     let apart = distance(&physics, &first);
     assert!(apart < 1e-6, "{apart}");
+}
+
+/// What happens to points is refused for plugins that do not support it, also those that only act through surfaces.
+#[test]
+fn plugins_that_need_points_at_rest_are_refused_where_a_fluid_moves_them() {
+    let fluid = "[[physics]]\ntype = 'fluid'\nbody = 'fluid'\nform = 'conservative'\nstate.tait.sound_speed = 2";
+    let heat = "[[physics]]\ntype = 'thermal'\nbody = 'fluid'";
+    let film = "[[couplers]]\ntype = 'convection'\nbody = 'fluid'\ncoefficient = 10\nambient = 300";
+    let history = "[[physics]]\ntype = 'thermal_history'\nbody = 'fluid'";
+    for (plugin, refused) in [(film, "convection"), (history, "thermal_history")] {
+        for tables in [[fluid, heat, plugin], [plugin, heat, fluid]] {
+            let message = warmed(&tables).map(|_| ()).expect_err(refused);
+            let expected =
+                "`fluid` moves the points of body `fluid`, which this plugin does not support";
+            assert!(
+                message.contains(expected) && message.contains(refused),
+                "{message}"
+            );
+        }
+    }
 }

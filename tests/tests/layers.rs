@@ -5,7 +5,7 @@ use std::path::Path;
 
 /// Modules of `perimelt-core`, the lowest first.
 const CORE: &str = "axis input folder text cell_list formula shape material samples in_time programme body \
-                    solver family pddo error in_space field world setup pair_list schedule plugin log simulation";
+                    solver family pddo error stepping in_space field world setup pair_list schedule plugin log simulation";
 
 /// Modules of `perimelt`, the lowest first.
 const CASES: &str = "interrupt terminal file_names argument library cell_grid component growing_log unit output tables \

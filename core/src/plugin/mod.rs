@@ -11,15 +11,14 @@
 
 mod balance;
 mod registry;
-mod stepping;
 
 pub use balance::{Balance, PhysicsReport, Report};
 pub(crate) use registry::supported;
 pub use registry::{FromToml, Registration, registered};
-pub use stepping::{ProgrammeAt, Step, StepLimits, StepSize, Stepping, Update, Work};
 
 use crate::error::{RunError, SetupError};
 use crate::setup::Setup;
+use crate::stepping::{Step, StepLimits, Work};
 use crate::world::World;
 
 /// The keys of something with a state that the scheduler steps.

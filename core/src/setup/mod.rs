@@ -24,7 +24,7 @@ use std::rc::Rc;
 
 use crate::error::{Problem, SetupError};
 use crate::family::FamilySpec;
-use crate::plugin::Stepping;
+use crate::stepping::Stepping;
 use crate::world::changes::{Change, Changes};
 use crate::world::facts::{Fact, FactRule};
 use crate::world::{BodyIndex, World};

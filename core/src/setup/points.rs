@@ -143,20 +143,9 @@ impl Setup<'_> {
         Ok(())
     }
 
-    /// Plugins that act on the points of a body: they own, write or add to a field, or have a family.
+    /// Plugins that act on the points of a body: they do more than read its fields, or have a family.
     fn acting_plugins(&self, body: BodyIndex) -> impl Iterator<Item = usize> {
-        let acts = |access: Access| {
-            matches!(
-                access,
-                Access::Own
-                    | Access::Write
-                    | Access::Add
-                    | Access::Give
-                    | Access::GiveSum
-                    | Access::Consume
-                    | Access::Take
-            )
-        };
+        let acts = |access: Access| !matches!(access, Access::Read | Access::ReadIfProvided);
         let is_here = move |d: &&Declaration| self.world.fields.field(d.field).body == body;
         let declarations = self.declarations.iter().filter(is_here);
         let declared = declarations

@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use super::Simulation;
 use crate::error::RunError;
-use crate::plugin::{Step, Update};
 use crate::solver::reduce::max_abs;
+use crate::stepping::{Step, Update};
 
 /// Sub-steps between two checks for a blow-up: rare enough to cost nothing, often enough to name the time. What others
 /// see is always checked: the culprit is to be named, not its victim.
@@ -35,15 +35,15 @@ impl Simulation {
         }
         let start = self.clock.advanced_to[first];
         if group.members.len() == 1 && group.couplers.is_empty() {
-            self.advance((first, end), logging, false)?;
+            self.advance(first, end, logging, false)?;
             self.set_time(first, end);
             return Ok(());
         }
         let members = &self.plan.groups[g].members;
         if members.iter().all(|&p| self.physics[p].stepping.is_steady) {
-            return self.find_steady_group(g, (start, end), logging);
+            return self.find_steady_group(g, start, end, logging);
         }
-        let count = self.steps_within((first, self.group_steps[g]), start, end)?;
+        let count = self.steps_within(first, self.group_steps[g], end - start)?;
         let size = (end - start) / count as f64;
         for s in 0..count {
             let step = Step::new(start + s as f64 * size, size);
@@ -55,7 +55,7 @@ impl Simulation {
             self.exchange(g, step)?;
             for m in 0..self.plan.groups[g].members.len() {
                 let p = self.plan.groups[g].members[m];
-                self.advance((p, step_end), logging && s + 1 == count, true)?;
+                self.advance(p, step_end, logging && s + 1 == count, true)?;
                 self.set_time(p, step_end);
             }
         }
@@ -86,19 +86,14 @@ impl Simulation {
         self.world.set_times(&self.plan.owned[physics], time);
     }
 
-    /// Number of steps of at most `size` (s) from `start` to `end` (s).
-    fn steps_within(
-        &self,
-        (physics, size): (usize, f64),
-        start: f64,
-        end: f64,
-    ) -> Result<u64, RunError> {
-        let count = ((end - start) / size * (1.0 - 1e-9)).ceil().max(1.0);
+    /// Number of steps of a physics, of at most `size` (s), in a span (s).
+    fn steps_within(&self, physics: usize, size: f64, span: f64) -> Result<u64, RunError> {
+        let count = (span / size * (1.0 - 1e-9)).ceil().max(1.0);
         if count > 1e12 {
             return Err(RunError::StepTooSmall {
                 physics: self.physics[physics].label.clone(),
                 step: size,
-                time: start,
+                time: self.clock.advanced_to[physics],
                 count,
             });
         }
@@ -108,13 +103,14 @@ impl Simulation {
     /// Advances a physics to `end` (s) in sub-steps of its own; `in_group`: after the exchanges of its group.
     pub(super) fn advance(
         &mut self,
-        (p, end): (usize, f64),
+        p: usize,
+        end: f64,
         logging: bool,
         in_group: bool,
     ) -> Result<(), RunError> {
         let begun = Instant::now();
         let start = self.clock.advanced_to[p];
-        let count = self.steps_within((p, self.sub_step[p]), start, end)?;
+        let count = self.steps_within(p, self.sub_step[p], end - start)?;
         let size = (end - start) / count as f64;
         let steady = |&c: &usize| self.couplers[c].stepping.is_steady;
         let repeatable = self.plan.one_way[p] && self.plan.before[p].iter().all(steady);

@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::{ClockState, Ready, Simulation};
 use crate::error::RunError;
 use crate::field::FieldIndex;
-use crate::plugin::{RunningCoupler, RunningPhysics, Step, Update};
+use crate::plugin::{RunningCoupler, RunningPhysics};
+use crate::stepping::{Step, Update};
 
 /// Values of the owned fields of a physics, and its packed internal state.
 pub(super) type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Simulation;
 use crate::error::RunError;
-use crate::plugin::Step;
 use crate::solver::reduce::{dot, max_abs};
+use crate::stepping::Step;
 
 /// Repetition of the staggered pass.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -153,7 +153,8 @@ impl Simulation {
     pub(super) fn find_steady_group(
         &mut self,
         g: usize,
-        (start, end): (f64, f64),
+        start: f64,
+        end: f64,
         logging: bool,
     ) -> Result<(), RunError> {
         /// Relative to the largest value of a field; solvers are that exact.
@@ -168,7 +169,7 @@ impl Simulation {
             self.exchange(g, step)?;
             for &p in &members {
                 self.clock.advanced_to[p] = start;
-                self.advance((p, end), logging, true)?;
+                self.advance(p, end, logging, true)?;
             }
             let new = self.state_of(&members);
             change = largest_change(&new, &old);

@@ -2,7 +2,7 @@
 //! made of.
 
 use super::Simulation;
-use crate::plugin::Update;
+use crate::stepping::Update;
 
 /// Numbers of steps from now to the end of the run. Events that plugins do not know yet, such as those of a path that waits for a
 /// temperature, are not among them, and limits of automatic steps are those of the present state.

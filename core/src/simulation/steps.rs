@@ -2,8 +2,9 @@
 
 use super::{Culprit, Ready, Simulation};
 use crate::error::{Problem, RunError, SetupError};
-use crate::plugin::{RunningCoupler, Step, StepSize};
+use crate::plugin::RunningCoupler;
 use crate::schedule::Group;
+use crate::stepping::{Step, StepSize};
 
 impl Simulation {
     pub(super) fn find_steps(&mut self) {

@@ -8,9 +8,14 @@ use serde::Serialize;
 use super::*;
 use crate::body::Body;
 use crate::field::{Key, Read, Write};
-use crate::plugin::{StepLimits, Update, Work};
+use std::path::Path;
+
+use crate::error::SetupError;
+use crate::plugin::{Coupler, Physics};
 use crate::setup::Access;
+use crate::setup::Setup;
 use crate::shape::{BoxShape, Shape};
+use crate::stepping::{StepLimits, Update, Work};
 
 mod clock;
 

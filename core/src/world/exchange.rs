@@ -232,7 +232,7 @@ impl FreeFaces {
         let mut free = 1.0;
         let mut by = None;
         for cover in &self.covers {
-            let covered = cover.fraction(world, body.dimension, cell, (centre, spacing));
+            let covered = cover.fraction(world, body.dimension, cell, centre, spacing);
             if covered > 0.0 {
                 free -= covered;
                 by = Some(Covered::Body(cover.name.clone()));
@@ -285,7 +285,8 @@ impl Cover {
         world: &World,
         dimension: usize,
         cell: &SurfaceCell,
-        (at, spacing): (Vector3<f64>, f64),
+        at: Vector3<f64>,
+        spacing: f64,
     ) -> f64 {
         let other = world.body(self.body);
         let (axis, outward) = (cell.face.axis(), cell.face.normal()[cell.face.axis()]);

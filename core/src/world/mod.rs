@@ -237,7 +237,8 @@ impl World {
         &self,
         field: FieldIndex,
         component: usize,
-        (point, face): (u32, Face),
+        point: u32,
+        face: Face,
     ) -> Option<f64> {
         let field = self.fields.field(field);
         let of_field = |l: &&Layers| l.body == field.body && l.field == field.name;

@@ -36,7 +36,7 @@ struct RunningClamp {
 }
 
 impl RunningClamp {
-    /// Whether the clamp is closed at the end of `step`. The tolerance keeps rounding from releasing it a step early.
+    /// Whether the clamp is closed at the end of `step`, with a tolerance for rounding.
     fn is_closed(&self, step: Step) -> bool {
         self.until
             .is_none_or(|until| step.end() - until <= 1e-6 * step.size)

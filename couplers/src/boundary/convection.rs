@@ -1,7 +1,7 @@
 //! Convection: `q = f(x, y, z, t) h(T) (T_ambient - T)` into the body, T of the surface.
 //!
-//! The factor f lies between 0 and 1, so that h(T) is the largest coefficient at all places and times and limits the
-//! step: zones with and without spray, jets that move, water that is turned on.
+//! The factor f lies between 0 and 1, so that h(T) is the largest coefficient at all positions and times and limits the
+//! step. It describes zones with and without spray, jets that move, and water that is turned on.
 //!
 //! The surface lies half a cell from its points. Its temperature balances the fluxes on both sides, so that the exchange is
 //! of second order in the spacing (`docs/theory/surfaces.md`).
@@ -45,7 +45,7 @@ pub struct Convection {
     pub ambient: InTime,
 }
 
-/// What a factor may be.
+/// Expected value of a factor, for messages.
 const FACTORS: &str =
     "a value from 0 to 1 at all places and times; `coefficient` is the largest coefficient";
 
@@ -68,9 +68,9 @@ struct ConvectionLaw {
     coefficient: Property,
     /// Largest coefficient, W/(m² K).
     largest: f64,
-    /// K.
+    /// Ambient temperature, K.
     ambient: f64,
-    /// By cell face; empty where it is 1.
+    /// Factor by cell face; empty where it is 1.
     factor: Vec<f64>,
 }
 
@@ -119,8 +119,8 @@ impl Coupler for Convection {
             ambient: self.ambient.at(0.0),
             factor: Vec::new(),
         };
-        let surface = (&self.faces[..], self.region.as_deref());
-        let heat = SurfaceHeat::prepare(setup, body, surface, law)?;
+        let region = self.region.as_deref();
+        let heat = SurfaceHeat::prepare(setup, body, &self.faces, region, law)?;
         if let Some(factor) = &self.factor {
             let positions = &setup.body(body).points.position;
             for cell in heat.cells().iter() {

@@ -21,7 +21,7 @@ pub struct Gravity {
 /// A weight that is ready to act.
 struct RunningGravity {
     body: usize,
-    /// By material, N/m³.
+    /// Weight per volume by material, N/m³.
     weight: Vec<Vector3<f64>>,
     body_force: Write<Vector3<f64>>,
 }

@@ -48,9 +48,9 @@ struct RunningGrowingCrack {
     breaker: BondBreaker,
     /// Pairs whose bond crosses the line, with the distance from its beginning (m), in the order of growth.
     crossings: Vec<(f64, [u32; 2])>,
-    /// How many of them are broken.
+    /// Number of pairs whose bond is broken.
     broken: usize,
-    /// Length now, m.
+    /// Present length, m.
     length: f64,
 }
 
@@ -153,7 +153,7 @@ impl RunningCoupler for RunningGrowingCrack {
         let crossed = self
             .crossings
             .partition_point(|(place, _)| *place <= self.length);
-        // also all of them, after a restart
+        // after a restart, all pairs up to the tip
         if self.broken < crossed {
             let new = self.crossings[self.broken..crossed].iter();
             world.break_pairs(&self.breaker, new.map(|(_, pair)| *pair));

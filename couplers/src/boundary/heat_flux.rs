@@ -63,9 +63,9 @@ impl Coupler for HeatFlux {
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        let surface = (&self.faces[..], self.region.as_deref());
+        let region = self.region.as_deref();
         let law = PrescribedFlux(self.flux.at(0.0));
-        let heat = SurfaceHeat::prepare(setup, body, surface, law)?;
+        let heat = SurfaceHeat::prepare(setup, body, &self.faces, region, law)?;
         let programme = Programme::of_values([("flux", &self.flux)]);
         setup.stepping(with_programme(programme));
         let flux = self.flux;

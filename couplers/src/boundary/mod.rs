@@ -81,24 +81,26 @@ pub(crate) fn with_programme(programme: Option<Programme>) -> Stepping {
     }
 }
 
-/// Where a value is prescribed.
-enum Place {
-    /// In the layer behind a face.
+/// Location at which a value is prescribed.
+enum BoundaryLocation {
+    /// The layer behind a face.
     Face(Face),
-    /// At these points.
+    /// Points of the body.
     Points(Vec<u32>),
 }
 
-/// The one of `face` and `region` that is given.
-fn place(
+/// The location given by either `face` or `region`.
+fn location(
     setup: &Setup<'_>,
     body: BodyIndex,
     face: Option<Face>,
     region: Option<&str>,
-) -> Result<Place, SetupError> {
+) -> Result<BoundaryLocation, SetupError> {
     match (face, region) {
-        (Some(face), None) => Ok(Place::Face(face)),
-        (None, Some(name)) => Ok(Place::Points(setup.region(body, "region", name)?.points)),
+        (Some(face), None) => Ok(BoundaryLocation::Face(face)),
+        (None, Some(name)) => Ok(BoundaryLocation::Points(
+            setup.region(body, "region", name)?.points,
+        )),
         (Some(_), Some(_)) => Err(SetupError::value(
             "region",
             "both `face` and `region` are given",

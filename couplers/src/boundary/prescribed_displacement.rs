@@ -1,8 +1,8 @@
 //! Prescribed displacement behind a face or at points, component by component.
 //!
 //! Behind a face, at the end of the step: `u(layer) = 2 b(t) - u(mirror)` or `b(t)` for the components that
-//! are given, `u(mirror)` for the others. In explicit motion the forces on the layer act on the mirror points in turn, so
-//! that the body keeps its energy. The points of a region have the displacement b(t) in the
+//! are given, `u(mirror)` for the others. In explicit motion the forces on the layer act on the mirror points, so that
+//! energy is conserved. The points of a region have the displacement b(t) in the
 //! components that are given.
 
 use nalgebra::Vector3;
@@ -16,7 +16,7 @@ use perimelt_core::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{LayerKind, Place, place, with_programme};
+use super::{BoundaryLocation, LayerKind, location, with_programme};
 use crate::in_time::earlier;
 
 /// Displacement of a face or of the points of a region; components left out are free.
@@ -50,12 +50,12 @@ pub struct PrescribedDisplacement {
 /// A prescribed displacement that is ready to act.
 struct RunningPrescribedDisplacement {
     layer: LayerKind,
-    /// At the points of the region, or one for a face.
+    /// Values at the points of the region, or one value for a face.
     values: [Option<Placed>; 3],
     sink: DisplacementSink,
 }
 
-/// Where the prescribed displacement goes.
+/// Target of the prescribed displacement.
 #[derive(Debug)]
 enum DisplacementSink {
     Layer(LayerHandle),
@@ -99,8 +99,8 @@ impl Coupler for PrescribedDisplacement {
             ));
         }
         let mut positions = vec![Vector3::zeros()];
-        let sink = match place(setup, body, self.face, self.region.as_deref())? {
-            Place::Face(face) => {
+        let sink = match location(setup, body, self.face, self.region.as_deref())? {
+            BoundaryLocation::Face(face) => {
                 let by_place = |c: &Option<&InSpace>| c.is_some_and(|c| c.uniform().is_none());
                 if let Some(axis) = self.components().iter().position(by_place) {
                     let message = "the displacement of a face is the same everywhere";
@@ -116,7 +116,7 @@ impl Coupler for PrescribedDisplacement {
                 setup.announce_layer(layer, rule);
                 DisplacementSink::Layer(layer)
             }
-            Place::Points(points) => {
+            BoundaryLocation::Points(points) => {
                 let position = &setup.body(body).points.position;
                 positions = points.iter().map(|p| position[*p as usize]).collect();
                 DisplacementSink::Points {

@@ -1,7 +1,7 @@
 //! Prescribed temperature behind a face or at points.
 //!
 //! Behind a face, at the end of the step: `theta(layer) = 2 b(t) - theta(mirror)` (Wang (2025), eq. 7.17) or
-//! `b(t)`. Where b depends on the position it is that of the face in front of the point that is mirrored. The points of a region
+//! `b(t)`. Where b depends on the position, it is evaluated on the face in front of the mirror point. The points of a region
 //! have the temperature b(t) at their reference positions; they lie half a spacing inside the face of the body.
 
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ use perimelt_core::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{LayerKind, Place, place, with_programme};
+use super::{BoundaryLocation, LayerKind, location, with_programme};
 
 /// Temperature of a face or of the points of a region.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -45,7 +45,7 @@ struct RunningPrescribedTemperature {
     sink: TemperatureSink,
 }
 
-/// Where the prescribed temperature goes.
+/// Target of the prescribed temperature.
 #[derive(Debug)]
 enum TemperatureSink {
     /// One value on the whole face.
@@ -59,16 +59,16 @@ enum TemperatureSink {
     },
 }
 
-/// Values at the places of a face that lie in front of points.
+/// Values at the positions on a face in front of points.
 #[derive(Debug)]
 struct OnFace {
     places: Placed,
-    /// Place of each point of the body.
+    /// Index of the position in front of each point of the body.
     place: Vec<u32>,
 }
 
-/// The places of a face that lie in front of the points of a body, each once, and the place of each point. Points of a lattice
-/// have as many as one of its layers.
+/// The distinct positions on a face in front of the points of a body, and the index of the position of each point. On a lattice
+/// they are as many as the points of a layer.
 fn in_front(body: &Body, face: Face) -> (Vec<Vector3<f64>>, Vec<u32>) {
     let (min, max) = body.bounds();
     let axis = face.axis();
@@ -100,8 +100,8 @@ impl Coupler for PrescribedTemperature {
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let field = (body, "temperature");
-        let sink = match place(setup, body, self.face, self.region.as_deref())? {
-            Place::Face(face) if self.value.uniform().is_some() => {
+        let sink = match location(setup, body, self.face, self.region.as_deref())? {
+            BoundaryLocation::Face(face) if self.value.uniform().is_some() => {
                 let centre = vec![Vector3::zeros()];
                 let value = setup.placed(field, "value", &self.value, centre)?;
                 TemperatureSink::Layer(
@@ -109,13 +109,13 @@ impl Coupler for PrescribedTemperature {
                     value,
                 )
             }
-            Place::Face(face) => {
+            BoundaryLocation::Face(face) => {
                 let (places, place) = in_front(setup.body(body), face);
                 let places = setup.placed(field, "value", &self.value, places)?;
                 let layer = setup.layer(body, &keys::TEMPERATURE, face, LayerRole::Prescribed)?;
                 TemperatureSink::LayerByPlace(layer, OnFace { places, place })
             }
-            Place::Points(points) => TemperatureSink::Points {
+            BoundaryLocation::Points(points) => TemperatureSink::Points {
                 value: {
                     let position = &setup.body(body).points.position;
                     let positions = points.iter().map(|p| position[*p as usize]).collect();

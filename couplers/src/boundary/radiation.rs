@@ -52,14 +52,14 @@ struct RunningRadiation {
 /// `eps(T) sigma (T_ambient^4 - T^4)`.
 #[derive(Debug)]
 struct RadiationLaw {
-    /// By material.
+    /// Emissivity by material.
     emissivity: Vec<Property>,
     largest_emissivity: f64,
-    /// By cell face; empty where there is one material.
+    /// Material by cell face; empty where there is one material.
     material: Vec<u16>,
-    /// Counts the changes of the cell faces that `material` belongs to.
+    /// Version of the cell faces that `material` belongs to.
     version: Option<u64>,
-    /// Temperature of the surroundings now, and the highest one at all times, K.
+    /// Present temperature of the surroundings, and the highest one at all times, K.
     ambient: f64,
     highest_ambient: f64,
 }
@@ -119,8 +119,8 @@ impl Coupler for Radiation {
             ambient: self.ambient.at(0.0),
             highest_ambient: ambients.iter().copied().fold(0.0, f64::max),
         };
-        let surface = (&self.faces[..], self.region.as_deref());
-        let heat = SurfaceHeat::prepare(setup, body, surface, law)?;
+        let region = self.region.as_deref();
+        let heat = SurfaceHeat::prepare(setup, body, &self.faces, region, law)?;
         let programme = Programme::of_values([("ambient", &self.ambient)]);
         setup.stepping(with_programme(programme));
         Ok(Box::new(RunningRadiation {

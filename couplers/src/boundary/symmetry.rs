@@ -1,7 +1,7 @@
-//! Plane of symmetry: the body goes on as its mirror image behind a face.
+//! Plane of symmetry: the body continues as its mirror image behind a face.
 //!
 //! Temperature is even; of displacement and velocity the normal component is odd and the others are
-//! even. Whichever of these fields the case has is mirrored.
+//! even. Only the fields that the case has are mirrored.
 
 use perimelt_core::world::LayerHandle;
 use perimelt_core::world::SymmetryPlane;

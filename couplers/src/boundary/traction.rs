@@ -3,8 +3,8 @@
 //! By default the traction becomes a force per volume on the points of the surface, `body_force += traction
 //! area / volume`, which acts half a spacing below the surface. With `by = "layer"` a layer behind a face of
 //! the body's box continues the strain that belongs to the traction (Wang (2025), eqs. 4.24 to 4.28). The
-//! force then acts on the face, has the error of the stiffness of the bonds, and needs an elastic surface. Such forces
-//! have no energy, so that bodies in explicit motion refuse them.
+//! force then acts on the face, has the error of the bond stiffness, and needs an elastic surface. These forces have no
+//! potential, so that bodies in explicit motion refuse them.
 //!
 //! The surface is that of the reference configuration: a pressure does not turn with the body.
 
@@ -89,7 +89,7 @@ enum TractionSink {
 #[derive(Clone, Debug)]
 enum Load {
     Traction(Vector3<f64>),
-    /// On each cell of the surface, at the centre of its face.
+    /// Pressure on each cell of the surface, at the centre of its face.
     Pressure(Box<Placed>),
 }
 
@@ -144,7 +144,7 @@ impl Traction {
         let mut layers = Vec::new();
         for &face in &self.faces {
             let layer = setup.layer(body, &keys::DISPLACEMENT, face, LayerRole::Prescribed);
-            // this coupler has the list `faces` instead of the key `face`
+            // the key is `faces` here, not `face`
             let layer = layer.map_err(|e| SetupError {
                 key: "faces".into(),
                 ..e

@@ -2,7 +2,7 @@
 //! where the film has lifted off.
 //!
 //! The jet hits the surface between its position and `impingement` further along `flow`. There, the flux follows the
-//! boiling curve whatever the temperature. Behind, the film wets the surface up to the first place hotter than the
+//! boiling curve at any temperature. Behind, the film wets the surface up to the first place hotter than the
 //! Leidenfrost temperature; from there on it is lifted off by vapour, and `film_coefficient` holds. Upstream of the jet
 //! the surface is dry.
 //!
@@ -13,7 +13,7 @@
 //!
 //! (Aatitya et al. (2021), 2.5. The zone of impingement makes the speed of the front independent of the spacing:
 //! docs/theory/quenching.md.) Each row of cells along the flow has a film of its own. A 2D plate is cooled through its
-//! plane. On a body that grows, as an ingot that is cast, the film runs over the surface that is there at the moment.
+//! plane. On a body that grows, such as a cast ingot, the film covers the present surface.
 //!
 //! Reports: the power into the body (W), and the areas `film.dry`, `film.wet` and `film.lifted_off` (m²).
 
@@ -96,15 +96,15 @@ impl Film {
 /// The flux into the surface by the film over it.
 #[derive(Debug)]
 struct FilmLaw {
-    /// By cell face.
+    /// Film by cell face.
     film: Vec<Film>,
     /// Boiling curve, W/m² out of the wet surface.
     boiling: Property,
-    /// K.
+    /// Temperature of the water, K.
     water: f64,
-    /// W/(m² K).
+    /// Coefficient where the film is lifted off, W/(m² K).
     film_coefficient: f64,
-    /// W/(m² K).
+    /// Largest coefficient of the exchange, W/(m² K).
     largest_coefficient: f64,
 }
 
@@ -135,51 +135,49 @@ impl SurfaceLaw for FilmLaw {
     }
 }
 
-/// A part of the surface in a row.
+/// A cell face in a row.
 #[derive(Debug)]
-struct Part {
-    /// Its place among the cell faces.
+struct RowCell {
+    /// Index among the cell faces.
     cell: usize,
     point: usize,
     /// Distance along the flow from the origin, m.
     along: f64,
-    /// m².
+    /// Area, m².
     area: f64,
 }
-
-/// In the order of the flow.
-type Row = Vec<Part>;
 
 /// A water jet that is ready to act.
 struct RunningWaterJet {
     flow: Face,
     /// Coordinate along the flow at time 0, m.
     start: f64,
-    /// m/s.
+    /// Speed of the jet, m/s.
     speed: f64,
-    /// m.
+    /// Length of the zone of impingement, m.
     impingement: f64,
-    /// K.
+    /// Leidenfrost temperature, K.
     leidenfrost: f64,
     heat: SurfaceHeat<FilmLaw>,
     temperature: Read<f64>,
-    /// By point: the cells of the row in which it lies, and its distance along the flow from the origin (m).
+    /// Row of each point, by its first cell, and distance of the point along the flow from the origin (m).
     place: Vec<([u32; 3], f64)>,
-    rows: Vec<Row>,
+    /// Rows of cell faces, each in the order of the flow.
+    rows: Vec<Vec<RowCell>>,
     /// Area of each of [`Film::ALL`], m².
     areas: [f64; 3],
-    /// Changes of the cell faces that the rows include.
+    /// Version of the cell faces in the rows.
     version: u64,
 }
 
 impl RunningWaterJet {
     /// Finds the rows of the surface that is bare now.
     fn find_rows(&mut self) {
-        let mut rows: BTreeMap<(Face, [u32; 3]), Row> = BTreeMap::new();
+        let mut rows: BTreeMap<(Face, [u32; 3]), Vec<RowCell>> = BTreeMap::new();
         for (index, cell) in self.heat.cells().iter().enumerate() {
             let (row, along) = self.place[cell.point as usize];
             let row = rows.entry((cell.face, row)).or_default();
-            row.push(Part {
+            row.push(RowCell {
                 cell: index,
                 point: cell.point as usize,
                 along,
@@ -301,7 +299,7 @@ impl Coupler for WaterJet {
         };
         let heat = match through_plane {
             true => SurfaceHeat::through_plane(setup, body, region, law)?,
-            false => SurfaceHeat::prepare(setup, body, (&self.faces, region), law)?,
+            false => SurfaceHeat::prepare(setup, body, &self.faces, region, law)?,
         };
         let mut running = RunningWaterJet {
             flow: self.flow,

@@ -1,4 +1,4 @@
-//! Friction of points that stick by springs, or slide.
+//! Friction: points stick by springs, or slide.
 
 use nalgebra::Vector3;
 use perimelt_core::World;
@@ -6,20 +6,11 @@ use rayon::prelude::*;
 
 use super::{POINTS, RunningContact, Touch};
 
-/// Stiffness of the spring of points that stick, over that along the normal: the usual one of grains (Silbert et al. (2001)).
+/// Tangential stiffness over normal stiffness, as usual for grains (Silbert et al. (2001)).
 const TANGENTIAL: f64 = 2.0 / 7.0;
 
 /// Springs between a point and those that it touches, m.
 pub(super) type Springs = Vec<(u32, [f64; 3])>;
-
-/// What a step of a contact with friction needs besides the points.
-#[derive(Clone, Copy)]
-pub(super) struct Rubbing {
-    /// Size of the step, s.
-    pub(super) dt: f64,
-    /// Length of the spring before, m.
-    pub(super) spring: Vector3<f64>,
-}
 
 impl RunningContact {
     pub(super) fn load_velocities(&mut self, world: &World) {
@@ -42,12 +33,15 @@ impl RunningContact {
         self.contacts = contacts;
     }
 
-    /// Friction between points i and j, N s on i, and the length of their spring after the step, m.
+    /// Friction impulse of point j on point i in a step of `dt` (s), N s, and the length of their spring (m) after the step;
+    /// `spring` is the length before.
     pub(super) fn friction(
         &self,
-        (i, j): (usize, usize),
+        i: usize,
+        j: usize,
         touch: &Touch,
-        Rubbing { dt, spring }: Rubbing,
+        dt: f64,
+        spring: Vector3<f64>,
     ) -> (Vector3<f64>, Vector3<f64>) {
         let across = |vector: Vector3<f64>| vector - touch.normal * touch.normal.dot(&vector);
         let velocity = across(self.velocity[i] - self.velocity[j]);
@@ -57,7 +51,7 @@ impl RunningContact {
         let of_length = dt * TANGENTIAL * touch.stiffness;
         let sticking = -(stop + spring * of_length);
         let (size, limit) = (sticking.norm(), self.friction_coefficient * touch.impulse);
-        // a step without duration gives no impulse along the normal either
+        // in a step of size zero the normal impulse is zero, too
         if size <= limit || dt == 0.0 {
             return (sticking.cap_magnitude(limit), spring + velocity * dt);
         }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{check_stiffness, fifteen, stiffness};
+use super::{check_stiffness, default_stiffness, stiffness};
 
 /// A rigid ball (a disc in 2D) that moves on its way or, with a `mass`, as the body pushes back.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -32,7 +32,7 @@ pub struct Impactor {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub mass: Option<f64>,
     /// Stiffness of the contact in those of a bond.
-    #[serde(default = "fifteen")]
+    #[serde(default = "default_stiffness")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub stiffness: f64,
 }
@@ -42,40 +42,25 @@ struct RunningImpactor {
     body: usize,
     radius: f64,
     mass: Option<f64>,
-    motion: Motion,
+    displacement: Read<Vector3<f64>>,
+    velocity: Read<Vector3<f64>>,
     body_force: Write<Vector3<f64>>,
-    /// N/m⁶ per metre of depth, by point.
+    /// Contact stiffness by point, N/m⁷.
     stiffness: Vec<f64>,
+    /// Positions of the points at the end of the step, m.
     position: Vec<Vector3<f64>>,
     ball: Ball,
-    /// On the ball, N.
+    /// Force on the ball, N.
     force: Vector3<f64>,
 }
 
-/// Where the points of a body are and how they move.
-#[derive(Debug)]
-struct Motion {
-    displacement: Read<Vector3<f64>>,
-    velocity: Read<Vector3<f64>>,
-}
-
-impl Motion {
-    fn of(setup: &mut Setup<'_>, body: usize) -> Result<Motion, SetupError> {
-        Ok(Motion {
-            displacement: setup.read(body, &keys::DISPLACEMENT)?,
-            velocity: setup.read(body, &keys::VELOCITY)?,
-        })
-    }
-
-    /// Positions after `time` (s) at the present velocities, m.
-    fn extrapolate(
-        &self,
-        world: &World,
-        (reference, time): (&[Vector3<f64>], f64),
-        out: &mut [Vector3<f64>],
-    ) {
+impl RunningImpactor {
+    /// Computes the positions after `time` (s) at the present velocities.
+    fn extrapolate(&mut self, world: &World, time: f64) {
+        let reference = &world.body(self.body).points.position;
         let (displacement, velocity) = (world.read(self.displacement), world.read(self.velocity));
-        let points = out.par_iter_mut().zip(reference).zip(&*displacement);
+        let points = self.position.par_iter_mut().zip(reference);
+        let points = points.zip(&*displacement);
         let points = points.zip(&*velocity).with_min_len(4096);
         points.for_each(|(((y, x), u), v)| *y = x + u + time * v);
     }
@@ -117,7 +102,8 @@ impl Coupler for Impactor {
             body,
             radius: self.radius,
             mass: self.mass,
-            motion: Motion::of(setup, body)?,
+            displacement: setup.read(body, &keys::DISPLACEMENT)?,
+            velocity: setup.read(body, &keys::VELOCITY)?,
             body_force: setup.add(body, &keys::BODY_FORCE)?,
             stiffness: stiffness(setup, body, self.stiffness)?,
             position,
@@ -133,8 +119,7 @@ impl Coupler for Impactor {
 impl RunningCoupler for RunningImpactor {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let points = &world.body(self.body).points;
-        self.motion
-            .extrapolate(world, (&points.position, step.size), &mut self.position);
+        self.extrapolate(world, step.size);
         self.ball.centre += step.size * self.ball.velocity;
         self.force = Vector3::zeros();
         let mut body_force = world.write(self.body_force);

@@ -1,4 +1,4 @@
-//! Contact: points that come too close push each other away, whatever bonds there are, and rub.
+//! Contact: points that come too close repel each other, with or without bonds between them, and have friction.
 //!
 //! ```text
 //! J_n = dt k (d_ij - g_ij) w_ij V_i V_j   where positive,   k = 15 c / horizon
@@ -12,22 +12,20 @@
 //! - *Pieces of one body*: the gap g is the distance of the two points, the normal the line between them, `w = 1`, and
 //!   `d = min(0.9 |x_i - x_j|, 1.35 (spacing_i + spacing_j) / 2)`, so that bonded neighbours repel each other only once
 //!   they are 10 % closer than in the reference configuration.
-//! - *Two bodies*: the normal is the mean of those of the two surfaces, that of a plane that an edge meets, or between edges the line
-//!   between the points, g the distance along it, d the mean spacing, at
-//!   which the surfaces touch, and w a weight that falls smoothly over two spacings along the surface, with sum 1. Points
-//!   of a surface are then felt as a plane: with the line between points a block would hold on to a lattice below it without any
-//!   friction.
+//! - *Two bodies*: the normal is the mean normal of the two surfaces, the normal of the plane where an edge meets a plane, or the
+//!   line between the points where two edges meet. The gap g is the distance along the normal, d is the mean spacing, at which the
+//!   surfaces touch, and w is a weight that falls smoothly over two spacings along the surface, with sum 1. Points of a surface
+//!   then act as a plane. With the line between points as normal, a block would lock into the lattice below it without friction.
 //!
-//! Points stick by a spring of the length `s_ij` of their relative displacement since they touched (Cundall and Strack (1979)): it
-//! holds what the whole body pushes with, its weight on an incline or what turns a wheel, while points do not move. The term of the
-//! relative velocity `v_t`, with `1 / m_ij = n_i / m_i + n_j / m_j` for points in n contacts, damps the spring; by itself it would
-//! take the velocity of the points in contact only, and a body would creep at the velocity that its force gives these in a step.
-//! Points that slide keep the length of the spring that has the force of friction.
+//! Points stick by a spring of the length `s_ij`, their relative displacement since they touched (Cundall and Strack (1979)). The
+//! spring carries a static load, such as the weight of a body on an incline, while points are at rest. The term of the relative
+//! velocity `v_t`, with `1 / m_ij = n_i / m_i + n_j / m_j` for points in n contacts, damps the spring; without the spring a body
+//! under load would creep. While points slide, the length of the spring is the one that gives the force of friction.
 //!
-//! Both bodies get the impulses J of a step at its beginning, where both are at one time: equal and opposite,
-//! whatever steps they take. A repulsive force applied so is that of the symplectic Euler scheme: it keeps energy but
-//! for oscillations. Between pieces of one body J_n keeps angular momentum, too; other impulses act across the line between two
-//! points and keep it only in the mean.
+//! Both bodies receive the impulses J of a step at its beginning, where both are at the same time: equal and opposite for any step
+//! sizes. Repulsion applied in this way is the symplectic Euler scheme, whose energy error oscillates without drift. Between pieces
+//! of one body J_n conserves angular momentum; other impulses are not parallel to the line between the points and conserve it only
+//! in the mean.
 
 mod friction;
 mod impactor;
@@ -35,7 +33,7 @@ mod normals;
 #[cfg(test)]
 mod tests;
 
-use friction::{Rubbing, Springs};
+use friction::Springs;
 pub use impactor::Impactor;
 use normals::Neighbourhoods;
 
@@ -60,7 +58,7 @@ pub struct Contact {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other: Option<String>,
     /// Stiffness of the contact as a multiple of that of a bond.
-    #[serde(default = "fifteen")]
+    #[serde(default = "default_stiffness")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub stiffness: f64,
     /// Coefficient of friction (Coulomb).
@@ -69,23 +67,23 @@ pub struct Contact {
     pub friction: f64,
 }
 
-fn fifteen() -> f64 {
+fn default_stiffness() -> f64 {
     15.0
 }
 
-/// Points that a thread takes at a time.
+/// Least number of points that a thread processes.
 const POINTS: usize = 1024;
 
 /// Distance at which unbonded points meet, in spacings.
 const REACH: f64 = 1.35;
 /// Distance at which bonded points meet, as a fraction of that at rest.
 const CLOSE: f64 = 0.9;
-/// How far a point of another body is felt along the surface, in spacings.
+/// Range of a point of another body along the surface, in spacings.
 const WIDTH: f64 = 2.0;
 /// Largest deviation of a plane from flat, by dimension: a plane has 1, 0.6 and 0.38, an edge 0.94 and 0.6.
 const FLAT: [f64; 3] = [f64::INFINITY, 0.75, 0.48];
-/// Largest cosine between the outward normals of two flat surfaces that face each other. The side of a block that stands on
-/// a floor does not face it: with a normal halfway between both it would be held back where it slides.
+/// Largest cosine between the outward normals of two flat surfaces that face each other. The side of a block on a floor does
+/// not face the floor: a normal halfway between both would resist sliding.
 const FACING_COSINE: f64 = -0.3;
 /// Contacts along the normal that a point may have at a time, by dimension: for the stable step.
 const FACING: [f64; 3] = [1.0, 2.0, 4.0];
@@ -101,17 +99,17 @@ struct RunningContact {
     squares: Vec<f64>,
     /// Surfaces, where two bodies meet.
     surfaces: Option<Surfaces>,
-    /// The following are by point, those of the first body first.
+    /// The fields from here to `impulse` are by point, with the points of the first body first.
     points: Vec<ContactPoint>,
-    /// m/s.
+    /// Velocities, m/s.
     velocity: Vec<Vector3<f64>>,
-    /// Number of contacts; of friction only.
+    /// Number of contacts; for friction only.
     contacts: Vec<f64>,
-    /// The points that each point touches, and the lengths of their springs (m); of friction only.
+    /// The points that each point touches, and the lengths of their springs (m); for friction only.
     springs: Vec<Springs>,
-    /// Those of the step before.
+    /// Springs of the previous step.
     last_springs: Vec<Springs>,
-    /// N s/m³.
+    /// Impulse per volume, N s/m³.
     impulse: Vec<Vector3<f64>>,
     dimension: usize,
     /// Size of the last step, s.
@@ -122,7 +120,7 @@ struct RunningContact {
 #[derive(Debug, Default)]
 struct Surfaces {
     neighbourhoods: Neighbourhoods,
-    /// Outward, zero inside, and how far from flat the surface is.
+    /// Outward normal, zero inside, and the deviation of the surface from flat.
     normals: Vec<(Vector3<f64>, f64)>,
 }
 
@@ -133,10 +131,10 @@ struct Side {
     impulse: Write<Vector3<f64>>,
 }
 
-/// What contact needs to know of a point.
+/// A point in contact.
 #[derive(Clone, Copy, Debug)]
 struct ContactPoint {
-    /// In the reference configuration, m.
+    /// Position in the reference configuration, m.
     position: Vector3<f64>,
     /// m.
     spacing: f64,
@@ -144,7 +142,7 @@ struct ContactPoint {
     volume: f64,
     /// kg.
     mass: f64,
-    /// k, N/m⁷.
+    /// Contact stiffness k, N/m⁷.
     stiffness: f64,
 }
 
@@ -157,8 +155,8 @@ impl ContactPoint {
     }
 }
 
-/// Farthest that a point of another body is felt, m, along and across its surface.
-fn felt(spacing: f64) -> f64 {
+/// Range of a point of another body, m, along and across its surface.
+fn contact_range(spacing: f64) -> f64 {
     (1.0 + WIDTH * WIDTH).sqrt() * spacing
 }
 
@@ -166,7 +164,7 @@ fn felt(spacing: f64) -> f64 {
 fn stiffness(setup: &Setup<'_>, body: usize, factor: f64) -> Result<Vec<f64>, SetupError> {
     let modulus = setup.world().property(body, "youngs_modulus")?;
     let this = setup.body(body);
-    // of a bond-based solid: 2 d bulk
+    // bond-based solid: 2 d bulk modulus over Young's modulus
     let constant = [2.0, 3.0, 4.0][this.dimension - 1];
     let point = |(material, spacing): (&u16, &f64)| {
         let horizon = 3.0 * spacing;
@@ -188,11 +186,11 @@ fn check_stiffness(stiffness: f64) -> Result<(), SetupError> {
 
 /// Two points in contact, seen from the first one.
 struct Touch {
-    /// From the other point to this one.
+    /// Unit vector from the other point to this one.
     normal: Vector3<f64>,
-    /// N s.
+    /// Normal impulse, N s.
     impulse: f64,
-    /// Along the normal, N/m.
+    /// Normal stiffness, N/m.
     stiffness: f64,
 }
 
@@ -210,7 +208,10 @@ impl RunningContact {
             let square = |&j: &u32| {
                 let other = &self.points[j as usize];
                 match self.surfaces {
-                    Some(_) => (0.5 * felt(point.spacing) + 0.5 * felt(other.spacing)).powi(2),
+                    Some(_) => {
+                        let ranges = [point, other].map(|p| 0.5 * contact_range(p.spacing));
+                        (ranges[0] + ranges[1]).powi(2)
+                    }
                     None => point.distance(other).powi(2),
                 }
             };
@@ -218,7 +219,7 @@ impl RunningContact {
         }
     }
 
-    /// Passes each point that touches point `i` to `receive`, with what it does to it in `dt` (s).
+    /// Calls `receive` with each point that touches point `i` and its contact in a step of `dt` (s).
     fn for_each_touch(&self, i: usize, dt: f64, mut receive: impl FnMut(usize, Touch)) {
         let (positions, point) = (self.pairs.positions(), &self.points[i]);
         let others = self.pairs.candidates(i).iter();
@@ -235,9 +236,9 @@ impl RunningContact {
                     let distance = square.sqrt();
                     (apart / distance, limit.sqrt() - distance, 1.0)
                 }
-                Some(surfaces) => self.overlap(surfaces, (i, j), &apart),
+                Some(surfaces) => self.overlap(surfaces, i, j, &apart),
             };
-            // points in one place may have no normal between them
+            // coincident points have no normal between them
             if normal.x.is_nan() {
                 continue;
             }
@@ -254,12 +255,13 @@ impl RunningContact {
         }
     }
 
-    /// Normal between the surfaces of two bodies, from point j to point i, how far they overlap along it (m), and the
-    /// weight of the pair.
+    /// Normal between the surfaces of two bodies, from point j to point i, their overlap along it (m), and the weight of the
+    /// pair.
     fn overlap(
         &self,
         surfaces: &Surfaces,
-        (i, j): (usize, usize),
+        i: usize,
+        j: usize,
         apart: &Vector3<f64>,
     ) -> (Vector3<f64>, f64, f64) {
         let [(own, own_edge), (other, other_edge)] = [surfaces.normals[i], surfaces.normals[j]];
@@ -267,7 +269,7 @@ impl RunningContact {
         if is_flat(own_edge) && is_flat(other_edge) && own.dot(&other) > FACING_COSINE {
             return (own, 0.0, 0.0);
         }
-        // an edge that meets a plane is met by the plane, edges meet along the line between them
+        // an edge meets a plane along the normal of the plane, and another edge along the line between the points
         let along = match (is_flat(own_edge), is_flat(other_edge)) {
             (true, true) => other - own,
             (true, false) => -own,
@@ -313,12 +315,9 @@ impl RunningContact {
                 *sum += touch.normal * touch.impulse;
                 if has_friction {
                     let last = self.last_springs[i].iter().find(|(p, _)| *p == j as u32);
-                    let rubbing = Rubbing {
-                        dt,
-                        spring: last.map_or_else(Vector3::zeros, |(_, s)| (*s).into()),
-                    };
-                    let (rub, spring) = self.friction((i, j), &touch, rubbing);
-                    *sum += rub;
+                    let last = last.map_or_else(Vector3::zeros, |(_, s)| (*s).into());
+                    let (friction, spring) = self.friction(i, j, &touch, dt, last);
+                    *sum += friction;
                     springs.push((j as u32, spring.into()));
                 }
             });
@@ -392,7 +391,7 @@ impl Coupler for Contact {
             let spacings = own.spacing.iter();
             reach.push(match bodies.len() {
                 1 => spacings.map(|s| REACH * s).collect::<Vec<_>>(),
-                _ => spacings.map(|s| felt(*s)).collect(),
+                _ => spacings.map(|s| contact_range(*s)).collect(),
             });
             surfaces.neighbourhoods.add(setup.body(body));
         }
@@ -435,7 +434,7 @@ impl RunningCoupler for RunningContact {
         Ok(())
     }
 
-    /// `2 / omega` of two points of the stiffest contact.
+    /// `2 / omega` for two points in the stiffest contact.
     fn stable_step(&mut self, _world: &World) -> Option<f64> {
         let square = |point: &ContactPoint| {
             2.0 * FACING[self.dimension - 1] * point.stiffness * point.volume * point.volume

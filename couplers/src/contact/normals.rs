@@ -1,15 +1,15 @@
-//! Outward normals at the points of a body, from where the neighbours of a point lie now.
+//! Outward normals at the points of a body, from the current positions of their neighbours.
 
 use nalgebra::Vector3;
 use perimelt_core::Body;
 use perimelt_core::cell_list::CellList;
 use rayon::prelude::*;
 
-/// Neighbours that count, in spacings.
+/// Radius of the neighbourhood, in spacings.
 const NEAR: f64 = 1.6;
 
-/// Length of the sum of the vectors to neighbours, over their number and the spacing, from which a point lies at a
-/// surface: flat ones have 0.6 and 0.38 in 2D and 3D. Points inside of irregular bodies have a little, too.
+/// Least length of the sum of the vectors to neighbours, over their number and the spacing, of a point at a surface. It is 0.6
+/// and 0.38 at flat surfaces in 2D and 3D, and not zero inside irregular bodies.
 const SURFACE: f64 = 0.15;
 
 /// The neighbours of the points of a body in the reference configuration.
@@ -17,7 +17,7 @@ const SURFACE: f64 = 0.15;
 pub(super) struct Neighbourhoods {
     start: Vec<u32>,
     other: Vec<u32>,
-    /// By point, m.
+    /// Spacing by point, m.
     spacing: Vec<f64>,
 }
 
@@ -45,8 +45,8 @@ impl Neighbourhoods {
         self.spacing.extend(&body.points.spacing);
     }
 
-    /// Outward unit normals for the current positions (m), zero inside the bodies, and how far the surface is from
-    /// flat: larger at edges and corners.
+    /// Outward unit normals for the current positions (m), zero inside the bodies, and the deviation of the surface
+    /// from flat, which is larger at edges and corners.
     pub(super) fn normals(
         &self,
         positions: &[Vector3<f64>],

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::toolpath::Track;
 
-/// Samples of a toolpath for each spacing that it moves: points are deposited late by a part of that at most.
+/// Samples of a toolpath per spacing, which limit the delay of a birth.
 const SAMPLES_PER_SPACING: f64 = 8.0;
 
 /// Most samples of a move.
@@ -60,19 +60,19 @@ pub(super) struct Birth {
 }
 
 /// Points that have no material at first, on a body that is built up in a direction.
-pub(super) struct Part<'a> {
+pub(super) struct BuildRegion<'a> {
     pub(super) body: &'a Body,
     pub(super) points: &'a [u32],
     pub(super) up: Face,
 }
 
-impl Part<'_> {
+impl BuildRegion<'_> {
     /// Coordinate of a position in the direction of build, m.
     fn level(&self, position: &Vector3<f64>) -> f64 {
         position.dot(&self.up.normal())
     }
 
-    /// By layers, the lowest of which begins at the lowest cells of the points.
+    /// Births by layers, the lowest of which begins at the lowest cells of the points.
     pub(super) fn by_layers(&self, layers: &Layers) -> Vec<Birth> {
         let position = |p: u32| &self.body.points.position[p as usize];
         let levels = self.points.iter().map(|&p| self.level(position(p)));
@@ -89,8 +89,8 @@ impl Part<'_> {
         in_order(self.points.iter().map(birth).collect())
     }
 
-    /// By the bead that a toolpath leaves while it has power; points that it never covers have no birth. In 3D beads lie along the axis
-    /// of the torch, that of the path or else `torch` (unit vector into the material).
+    /// Births by the bead that a toolpath leaves while it has power; points that it never covers have no birth. In 3D the bead
+    /// lies along the axis of the torch that the path gives, or else along `torch` (unit vector into the material).
     pub(super) fn by_bead(
         &self,
         track: &Track,
@@ -98,11 +98,11 @@ impl Part<'_> {
         torch: Option<Vector3<f64>>,
     ) -> Vec<Birth> {
         let spacing = self.body.finest_spacing();
-        let mut waits = vec![false; self.body.points.len()];
-        self.points.iter().for_each(|&p| waits[p as usize] = true);
+        let mut unborn = vec![false; self.body.points.len()];
+        self.points.iter().for_each(|&p| unborn[p as usize] = true);
         let mut births = Vec::new();
         for (start, end) in track.powered_moves() {
-            let end = self.end_of((start, end), track);
+            let end = self.end_of(start, end, track);
             let length = track.fastest() * (end - start);
             let samples = (SAMPLES_PER_SPACING * length / spacing).ceil();
             let samples = samples.clamp(1.0, MOST_SAMPLES);
@@ -113,8 +113,8 @@ impl Part<'_> {
                 let pose = track.pose(time);
                 let torch = pose.torch.or(torch).filter(|_| self.body.dimension == 3);
                 let outward = torch.map_or(self.up.normal(), |axis| -axis);
-                self.cover((&pose.position, outward), bead, |point| {
-                    if std::mem::replace(&mut waits[point as usize], false) {
+                self.cover(&pose.position, outward, bead, |point| {
+                    if std::mem::replace(&mut unborn[point as usize], false) {
                         births.push(Birth { time, point });
                     }
                 });
@@ -124,7 +124,7 @@ impl Part<'_> {
     }
 
     /// End of a move, s: one without an end is followed to the far side of the body.
-    fn end_of(&self, (start, end): (f64, f64), track: &Track) -> f64 {
+    fn end_of(&self, start: f64, end: f64, track: &Track) -> f64 {
         if end.is_finite() {
             return end;
         }
@@ -134,11 +134,12 @@ impl Part<'_> {
         start + 2.0 * reach / pose.speed
     }
 
-    /// Passes the points in the bead's cross-section around a position of the toolpath (m) to `receive`; the bead lies against the unit
-    /// vector `outward`.
+    /// Calls `receive` with the points in the cross-section of the bead at the position `at` of the toolpath (m). The bead lies
+    /// against the unit vector `outward`.
     fn cover(
         &self,
-        (at, outward): (&Vector3<f64>, Vector3<f64>),
+        at: &Vector3<f64>,
+        outward: Vector3<f64>,
         bead: &Bead,
         mut receive: impl FnMut(u32),
     ) {

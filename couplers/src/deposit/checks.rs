@@ -1,4 +1,4 @@
-//! What the keys of a deposit must be.
+//! Checks of the keys of a deposit.
 
 use perimelt_core::{Face, SetupError};
 

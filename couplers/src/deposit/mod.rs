@@ -10,10 +10,9 @@
 //! - With `layers` (powder bed) all points of a layer get their material at once, and several layers where `at_once` says
 //!   so, as for parts whose layers are thinner than the spacing.
 //!
-//! Material comes with the enthalpy of the `temperature` at which it is deposited, such as that of the droplets, or of the
-//! preheated powder. The balance of heat counts it as supplied, and `thermal` reports it. A source heats
-//! points with material only. What is exposed at the moment radiates and convects: surfaces are covered and born with the
-//! material.
+//! Material has the enthalpy at its deposition `temperature`, such as the temperature of droplets or of preheated powder.
+//! The heat balance counts this enthalpy as supplied, and `thermal` reports it. A source heats points with material only.
+//! Radiation and convection act on the surface of the material that is present.
 //!
 //! Steps end where a layer or a bead begins, and a toolpath moves by at most half a spacing in a step.
 //!
@@ -39,7 +38,7 @@ use serde::{Deserialize, Serialize};
 
 pub use births::{Bead, Layers};
 
-use births::{Birth, Part};
+use births::{Birth, BuildRegion};
 use checks::{check_bead, check_layers, direction};
 
 use crate::InTime;
@@ -108,22 +107,26 @@ struct RunningDeposit {
     active: Write<f64>,
     birth_temperature: Write<f64>,
     schedule: Rc<Schedule>,
-    /// Times at which births begin after a pause, s, as those of the births.
+    /// Times at which births begin after a pause, s, on the clock of the births.
     starts: Vec<f64>,
-    /// K.
+    /// Temperature of the material, K.
     temperature: InTime,
     /// Mass of each point, kg.
     mass: Vec<f64>,
     /// Number of births so far.
     born: usize,
-    /// Volume (m³) and mass (kg) of these.
+    /// Volume (m³) and mass (kg) deposited so far.
     deposited: [f64; 2],
-    /// Temperature (K) above which the heat of the material counts that is still to be taken out of that of the source.
+    /// Feed temperature (K); the heat of the material above it is taken out of the source at the first step.
     takes_heat_above: Option<f64>,
 }
 
 impl Deposit {
-    fn schedule(&self, setup: &mut Setup<'_>, part: &Placed) -> Result<Schedule, SetupError> {
+    fn schedule(
+        &self,
+        setup: &mut Setup<'_>,
+        part: &DepositRegion,
+    ) -> Result<Schedule, SetupError> {
         let path = self.path(setup)?;
         match (path, &self.bead, &self.layers) {
             (Some(path), Some(bead), None) => {
@@ -136,7 +139,7 @@ impl Deposit {
                 let speed = track.fastest();
                 let spacing = setup.body(part.body).finest_spacing();
                 let step_limit = (speed > 0.0).then(|| STEP_FRACTION * spacing / speed);
-                self.check_coverage(setup, (part, track), births.len())?;
+                self.check_coverage(setup, part, track, births.len())?;
                 Ok(Schedule {
                     path: Some(path),
                     births,
@@ -169,7 +172,7 @@ impl Deposit {
         }
     }
 
-    /// The path of the nozzle, if there is one: that of a heat source or an own one.
+    /// The path of the nozzle, if there is one: the path of a heat source or a separate one.
     fn path(&self, setup: &Setup<'_>) -> Result<Option<Rc<TimedPath>>, SetupError> {
         let toolpath = match (&self.source, &self.toolpath) {
             (None, None) => return Ok(None),
@@ -183,7 +186,7 @@ impl Deposit {
             }
             (None, Some(toolpath)) => toolpath,
         };
-        // without a power of its own the toolpath deposits throughout
+        // a toolpath without a power deposits throughout
         let track = toolpath.track(Some(1.0), &setup.path(""));
         let kind = toolpath.kind();
         let track =
@@ -197,11 +200,12 @@ impl Deposit {
         Ok(Some(Rc::new(path)))
     }
 
-    /// Refuses a bead that covers no point, and tells of points that it never covers.
+    /// Refuses a bead that covers no point, and warns of points that it never covers.
     fn check_coverage(
         &self,
         setup: &mut Setup<'_>,
-        (part, track): (&Placed, &Track),
+        part: &DepositRegion,
+        track: &Track,
         covered: usize,
     ) -> Result<(), SetupError> {
         let left = part.points.len() - covered;
@@ -228,15 +232,15 @@ impl Deposit {
 }
 
 /// A region of a body that is built up in a direction.
-struct Placed {
+struct DepositRegion {
     body: BodyIndex,
     points: Vec<u32>,
     up: Face,
 }
 
-impl Placed {
-    fn of<'a>(&'a self, setup: &'a Setup<'_>) -> Part<'a> {
-        Part {
+impl DepositRegion {
+    fn of<'a>(&'a self, setup: &'a Setup<'_>) -> BuildRegion<'a> {
+        BuildRegion {
             body: setup.body(self.body),
             points: &self.points,
             up: self.up,
@@ -246,16 +250,16 @@ impl Placed {
 
 /// When material is deposited.
 struct Schedule {
-    /// The path whose clock the times of the births follow; else they are times of the run.
+    /// The path whose clock the births follow; without it, their times are times of the run.
     path: Option<Rc<TimedPath>>,
-    /// In the order of time.
+    /// Births in the order of time.
     births: Vec<Birth>,
     /// Longest step while a toolpath deposits, s.
     step_limit: Option<f64>,
 }
 
 impl Schedule {
-    /// Time of the births at a time of the run, s.
+    /// Time on the clock of the births at a time of the run, s.
     fn at(&self, time: f64) -> TrackTime {
         match &self.path {
             Some(path) => path.at(time),
@@ -268,14 +272,14 @@ impl Schedule {
         self.path.as_ref().map_or(birth, |path| path.time_of(birth))
     }
 
-    /// Number of births up to a time of the births.
+    /// Number of births up to a time on their clock.
     fn until(&self, time: TrackTime) -> usize {
         self.births.partition_point(|b| time.has_passed(b.time))
     }
 
     /// Times at which births begin after a pause, s.
     fn starts(&self) -> Vec<f64> {
-        // births one after the other along a toolpath are no events
+        // successive births along a toolpath are no events
         let pause = PAUSE * self.step_limit.unwrap_or(0.0);
         let mut last = f64::NEG_INFINITY;
         let begins = |birth: &Birth| birth.time - std::mem::replace(&mut last, birth.time) > pause;
@@ -308,14 +312,14 @@ impl Schedule {
 }
 
 impl RunningDeposit {
-    /// Takes the heat of all material above a temperature (K) out of that of the source, with the mirror images of the material
-    /// that the source deposits from planes of symmetry.
+    /// Subtracts the heat of all material above the temperature `feed` (K), mirror images at planes of symmetry included, from
+    /// the energy of the source.
     fn take_heat(&self, world: &World, feed: f64) {
         let Schedule { path, births, .. } = &*self.schedule;
         let Some(path) = path else {
             return;
         };
-        // `thermal` has found the same ones at set-up
+        // `thermal` has checked the curves at set-up
         let curves = world.enthalpy_curves(self.body).unwrap_or_default();
         let body = world.body(self.body);
         let (grid, symmetry) = (grid(body), world.symmetry(self.body));
@@ -330,10 +334,10 @@ impl RunningDeposit {
         path.take(births.iter().filter_map(heat));
     }
 
-    /// Counts the births so far from the first one on.
+    /// Counts all births so far.
     fn count_again(&mut self, world: &World) {
         (self.born, self.deposited) = (0, [0.0; 2]);
-        // by their temperature: points that were born may have been cut off since
+        // the temperature at birth counts: points may have been cut off since
         let birth_temperature = world.read(self.birth_temperature.into());
         let births = self.schedule.births.iter();
         let born = births
@@ -366,7 +370,7 @@ impl Coupler for Deposit {
             let expected = "a temperature above 0 K";
             return Err(SetupError::value("temperature", message, expected));
         }
-        let part = Placed {
+        let part = DepositRegion {
             body,
             points: setup.region(body, "region", &self.region)?.points,
             up: direction(self.up, setup.body(body).dimension)?,

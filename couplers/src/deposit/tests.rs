@@ -312,7 +312,7 @@ fn a_bead_follows_the_axis_of_an_inclined_torch() {
     for (toolpath, torch) in [(line, Some(axis)), (&pass, None)] {
         let toolpath: Toolpath = toml::from_str(toolpath).expect("well formed");
         let track = toolpath.track(Some(1.0), std::path::Path::new(""));
-        let placed = Part {
+        let placed = BuildRegion {
             body: &body,
             points: &body.regions["top"].points,
             up: Face::ZMax,

@@ -1,8 +1,8 @@
 //! Powers and energies of a heat source: asked for, deposited, deposited in mirror images of the body, and lost.
 //!
-//! A source on a plane of symmetry of the body is its own mirror image, and the part of its power beyond the plane heats
-//! the mirrored half as the rest heats the body. Next to a plane, the mirror image is a second source, which does not
-//! heat the body that is simulated: the part beyond the plane is lost.
+//! The mirror image of a source on a plane of symmetry is the source itself: the power beyond the plane heats the mirror
+//! image of the body. The mirror image of a source beside a plane is a second source, so that the power beyond the plane is
+//! lost.
 
 use perimelt_core::{Face, Report};
 use serde::{Deserialize, Serialize};
@@ -10,14 +10,14 @@ use serde::{Deserialize, Serialize};
 use crate::source::{CellGrid, Deposit};
 use crate::toolpath::Pose;
 
-/// Largest distance of a source on a plane of symmetry from it, in cells.
+/// Distance from a plane of symmetry up to which a source lies on it, in cells.
 const ON_PLANE: f64 = 1e-3;
 
-/// Smaller parts of the power are rounding.
+/// Fraction of the power asked for below which lost power is rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Number of equal parts, the body included, that a source at `pose` heats of a body with these planes of symmetry: two
-/// for each plane on which it is.
+/// Number of copies of the body, mirror images included, that a source at `pose` heats: a factor of two for each plane of
+/// symmetry on which it lies.
 pub(crate) fn mirror_copies(grid: &CellGrid, symmetry: &[Face], pose: &Pose) -> f64 {
     let is_on = |face: &&Face| {
         let axis = face.axis();
@@ -31,9 +31,9 @@ pub(crate) fn mirror_copies(grid: &CellGrid, symmetry: &[Face], pose: &Pose) -> 
 /// Powers of the last step and energies since the start; saved, so that energies continue after a resume.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Account {
-    /// W: asked for, deposited in the body, in its mirror images, lost.
+    /// Powers, W: asked for, deposited in the body, in its mirror images, lost.
     power: [f64; 4],
-    /// J: as the powers.
+    /// Energies in the same order, J.
     energy: [f64; 4],
     /// Length of the path with power since the start, m.
     path: f64,
@@ -42,8 +42,8 @@ pub(super) struct Account {
 }
 
 impl Account {
-    /// Adds a deposit of the length `duration` (s), with the [`mirror_copies`] that it heats, by a source that moves at a speed
-    /// (m/s); without one where its toolpath has no power.
+    /// Adds a deposit of a source over `duration` (s), with the [`mirror_copies`] that it heats and its speed (m/s), `None` where
+    /// the toolpath has no power.
     pub fn book(&mut self, deposit: &Deposit, copies: f64, duration: f64, speed: Option<f64>) {
         self.was_on = speed.is_some();
         self.path += speed.unwrap_or(0.0) * duration;

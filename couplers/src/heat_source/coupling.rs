@@ -36,7 +36,7 @@ macro_rules! couple_source {
     };
 }
 
-/// Makes a shape of another crate known as a moving heat source: `register_source!("ring_source", RingSource, Ring)` defines the coupler
+/// Registers a shape of another crate as a moving heat source: `register_source!("ring_source", RingSource, Ring)` defines the coupler
 /// `RingSource` of a shape `Ring`, which implements [`SourceShape`](crate::heat_source::SourceShape), `Serialize`, `Deserialize` (with
 /// `deny_unknown_fields`) and `JsonSchema`. Its keys are those of the shape, beside `body`, `toolpath`, `voltage`, `current` and
 /// `pulse`. The crate needs `typetag`.

@@ -1,4 +1,4 @@
-//! Directions of a moving source, which its reports give beside its position: a melt pool is measured along them.
+//! Directions of a moving source in its reports, along which a melt pool is measured.
 
 use nalgebra::Vector3;
 use perimelt_core::Report;
@@ -9,7 +9,7 @@ use crate::toolpath::Pose;
 /// Directions of a source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Heading {
-    /// Unit vector of travel, that of the last move with power while the source rests or jumps; zero for a source that never
+    /// Unit vector of travel; while the source rests or jumps, that of the last move with power; zero for a source that never
     /// moves.
     travel: Vector3<f64>,
     /// Unit vector along the axis of the torch or beam, into the material.
@@ -17,7 +17,7 @@ pub(super) struct Heading {
 }
 
 impl Heading {
-    /// Of a source at `pose`; `moves`: whether its path has a length.
+    /// Directions at `pose`; `moves`: whether the path has a length.
     pub fn new(depositor: &Depositor, surface: HeatedSurface, pose: &Pose, moves: bool) -> Self {
         let mut inward = Vector3::zeros();
         inward[surface.face.axis()] = if surface.face.is_upper() { -1.0 } else { 1.0 };

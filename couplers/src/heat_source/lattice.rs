@@ -13,7 +13,7 @@ use crate::source::{CellGrid, HeatedBody};
 pub(super) struct LatticeBody<'a> {
     pub body: &'a Body,
     pub grid: CellGrid,
-    /// Which points have material, where material is deposited.
+    /// Points with material, where material is deposited.
     pub activity: Option<Ref<'a, [f64]>>,
 }
 

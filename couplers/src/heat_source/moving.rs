@@ -23,10 +23,10 @@ use crate::toolpath::{TimedPath, Toolpath, Track};
 /// Fraction of the shortest length that the source may move in a step.
 const STEP_FRACTION: f64 = 0.25;
 
-/// Share of the power below which a source that keeps away from the box of the body does not heat it.
-const LEAST_SHARE: f64 = 0.01;
+/// Least fraction of its power with which a source outside the box of the body heats it.
+const LEAST_FRACTION: f64 = 0.01;
 
-/// Most moves whose heat is tried where the path keeps away from the box of the body.
+/// Most moves whose heat is tried where the path lies outside the box of the body.
 const MOST_TRIED: usize = 100;
 
 /// Powers of welding sources are below this, W.
@@ -37,16 +37,16 @@ const TABULATED: std::ops::RangeInclusive<f64> = 0.8e-6..=1.2e-6;
 
 /// The power density of a [`MovingSource`].
 pub trait SourceShape: Clone {
-    /// As a variant of [`Source`].
+    /// The shape as a variant of [`Source`].
     fn source(&self) -> Source;
-    /// Its shortest length on the heated face, m; zero for a point.
+    /// Shortest length on the heated face, m; zero for a point.
     fn length(&self) -> f64;
-    /// The face that it heats.
+    /// Heated face.
     fn surface(&self) -> HeatedSurface;
-    /// Takes what the case leaves out from the materials of the body.
+    /// Completes the shape with properties of the materials of the body.
     ///
     /// # Errors
-    /// When the materials do not have it.
+    /// When a property that is needed is missing.
     fn complete(&mut self, _setup: &Setup<'_>, _body: usize) -> Result<(), SetupError> {
         Ok(())
     }
@@ -119,12 +119,12 @@ fn take_absorptivity(
 pub struct MovingSource<S> {
     /// Body; may be left out when there is one only.
     pub body: Option<String>,
-    /// Where the source is, which way it travels and how strong it is.
+    /// Position, direction of travel and power in time.
     pub toolpath: Toolpath,
-    /// Its power density.
+    /// Power density.
     pub shape: S,
     supply: Supply,
-    /// The toolpath in time, shared with whatever follows this source; once it is published.
+    /// The toolpath in time, shared with couplers that follow this source, once it is published.
     path: Option<Rc<TimedPath>>,
 }
 
@@ -187,7 +187,7 @@ impl<S: SourceShape> MovingSource<S> {
         }
         let body = setup.body(index);
         let length = self.shape.length().max(body.finest_spacing());
-        self.check_path(body, path.track(), (2.0 * length, &mut depositor))?;
+        self.check_path(body, path.track(), 2.0 * length, &mut depositor)?;
         let speed = path.track().fastest();
         self.warn_of_size(setup, index);
         path.prepare(setup, index)?;
@@ -215,7 +215,7 @@ impl<S: SourceShape> MovingSource<S> {
         }))
     }
 
-    /// Tells of a source that is finer than the points that it heats, and of a power in other units.
+    /// Warns of a source finer than the spacing, and of a power that is probably in other units.
     fn warn_of_size(&self, setup: &mut Setup<'_>, body: usize) {
         let (length, spacing) = (self.shape.length(), setup.body(body).finest_spacing());
         if length > 0.0 && length < spacing {
@@ -234,13 +234,14 @@ impl<S: SourceShape> MovingSource<S> {
         }
     }
 
-    /// Refuses a toolpath on which the source is never on within `margin` (m) of the body's box, and heats no cell of a body on a
-    /// lattice, as a beam does that comes through another body.
+    /// Refuses a toolpath on which the source is never on within `margin` (m) of the box of the body and heats no cell of its
+    /// lattice. A beam from outside the box may heat cells.
     fn check_path(
         &self,
         body: &Body,
         track: &Track,
-        (margin, depositor): (f64, &mut Depositor),
+        margin: f64,
+        depositor: &mut Depositor,
     ) -> Result<(), SetupError> {
         let (min, max) = body.bounds();
         let surface = self.shape.surface();
@@ -285,7 +286,7 @@ impl<S: SourceShape> MovingSource<S> {
             let deposit = lattice
                 .as_ref()
                 .map(|body| depositor.add(body, &pose, &mut heat));
-            deposit.is_some_and(|d| d.deposited > LEAST_SHARE * d.asked)
+            deposit.is_some_and(|d| d.deposited > LEAST_FRACTION * d.asked)
         };
         if track.powered_moves().take(MOST_TRIED).any(heats) {
             return Ok(());

@@ -39,7 +39,7 @@ struct RunningPulsedLaserSource {
     shape: source::PulsedLaser,
     body: BodyIndex,
     grid: CellGrid,
-    /// Of the cells that face the laser, m².
+    /// Area of the cells that face the laser, m².
     area: f64,
     heat_source: Write<f64>,
     account: Account,
@@ -82,17 +82,19 @@ impl RunningCoupler for RunningPulsedLaserSource {
         if step.size > 0.0 {
             let body = world.body(self.body);
             let mut heat_source = world.write(self.heat_source);
-            let span = (step.start, step.end());
+            let (from, to) = (step.start, step.end());
             let now = self.positions.at(world, self.body, step.middle());
             let deposit = match Cells::of(world, self.body, now, self.grid) {
-                Some(cells) => (self.shape).add_to_cells(&cells, span, self.area, &mut heat_source),
+                Some(cells) => {
+                    (self.shape).add_to_cells(&cells, from, to, self.area, &mut heat_source)
+                }
                 None => {
                     let body = LatticeBody {
                         body,
                         grid: self.grid,
                         activity: None,
                     };
-                    self.shape.add(&body, span, &mut heat_source)
+                    self.shape.add(&body, from, to, &mut heat_source)
                 }
             };
             self.account.book(&deposit, 1.0, step.size, Some(0.0));

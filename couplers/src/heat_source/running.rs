@@ -12,7 +12,7 @@ use super::heading::Heading;
 use super::lattice::LatticeBody;
 use super::step_positions::StepPositions;
 use crate::source::{CellGrid, Cells, Depositor, HeatedSurface};
-use crate::toolpath::{Clock, TimedPath};
+use crate::toolpath::{ClockState, TimedPath};
 
 /// A heat source on a toolpath that is ready to heat.
 pub(super) struct RunningSource {
@@ -22,29 +22,29 @@ pub(super) struct RunningSource {
     pub depositor: Depositor,
     pub surface: HeatedSurface,
     pub heat_source: Write<f64>,
-    /// Longest way of the source over the points in a step while it is on, m.
+    /// Longest distance that the source may move over the points in a step while it is on, m.
     pub longest_way: f64,
     /// Largest speed on the path, m/s.
     pub speed: f64,
-    /// At the end of the last step, m.
+    /// Position at the end of the last step, m.
     pub position: Vector3<f64>,
-    /// In the middle of the last step.
+    /// Directions in the middle of the last step.
     pub heading: Heading,
     pub account: Account,
     pub positions: StepPositions,
 }
 
-/// What has to be known after a restart.
+/// State for a checkpoint.
 #[derive(Serialize, Deserialize)]
 struct Saved {
     account: Account,
-    clock: Option<Clock>,
-    /// Of the fastest point of a fluid, m/s.
+    clock: Option<ClockState>,
+    /// Speed of the fastest point of a fluid, m/s.
     point_speed: f64,
 }
 
 impl RunningCoupler for RunningSource {
-    /// Takes note of positions, and begins the passes that need no longer wait.
+    /// Stores the positions, and begins the passes whose wait has ended.
     fn begin_step(&mut self, world: &World, time: f64) {
         self.positions.begin_step(world, self.body, time);
         if !self.path.track().passes().is_empty() {
@@ -68,7 +68,7 @@ impl RunningCoupler for RunningSource {
             });
         }
         pose.power *= left;
-        // the points of a window are where they are at set-up, moved by its shift
+        // points of a window are stored at their positions at set-up
         pose.position -= world.window_shift(self.body);
         let mut heat_source = world.write(self.heat_source);
         let now = self.positions.at(world, self.body, step.middle());
@@ -84,13 +84,13 @@ impl RunningCoupler for RunningSource {
             }
         };
         let copies = mirror_copies(&self.grid, &world.symmetry(self.body), &pose);
-        // a pulsed source goes on between its pulses
+        // between two pulses the source counts as on
         let is_on = self.path.is_on_after(step.middle());
         let speed = is_on.then_some(pose.speed);
         self.account.book(&deposit, copies, step.size, speed);
         self.position = self.path.pose(step.end()).position;
         let moves = self.speed > 0.0;
-        // a jump without power turns no melt pool
+        // a jump without power does not turn the melt pool
         let pose = self.path.last_pose_with_power(step.middle());
         self.heading = Heading::new(&self.depositor, self.surface, &pose, moves);
         Ok(())

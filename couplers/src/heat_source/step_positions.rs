@@ -1,4 +1,4 @@
-//! Where the points of a fluid are in the middle of a step, at which a source is sampled.
+//! Positions of the points of a fluid in the middle of a step, at which a source is sampled.
 //!
 //! The physics that moves the points has advanced them to the end of the macro step when the source is applied, if it comes
 //! before `thermal` in the case file. Positions between are interpolated, so that a trail is centred at steps of any length.
@@ -7,21 +7,21 @@ use nalgebra::Vector3;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Body, World};
 
-/// Positions of points that move during a macro step. Nothing for a body whose points rest.
+/// Positions of points that move during a macro step; empty for a body at rest.
 #[derive(Debug, Default)]
 pub(super) struct StepPositions {
-    /// At the begin of the macro step, m.
+    /// Positions at the start of the macro step, m.
     start: Vec<Vector3<f64>>,
-    /// Its begin, s.
+    /// Start of the macro step, s.
     start_time: f64,
-    /// At the time asked for, m.
+    /// Interpolated positions, m.
     now: Vec<Vector3<f64>>,
-    /// Of the fastest point in the last step, m/s; a restart needs it.
+    /// Speed of the fastest point in the last step, m/s; part of a checkpoint.
     pub speed: f64,
 }
 
 impl StepPositions {
-    /// Takes note of the positions at the begin of a macro step, at `time` (s).
+    /// Stores the positions at the start of a macro step, at `time` (s).
     pub fn begin_step(&mut self, world: &World, body: BodyIndex, time: f64) {
         if let Some(now) = world.moving_points(body) {
             self.start.clear();
@@ -45,8 +45,8 @@ impl StepPositions {
     }
 }
 
-/// Replaces positions at the end of a step by those after a fraction of it; returns the longest way, m. Ways lead through
-/// periodic sides.
+/// Replaces positions at the end of a step by those after a fraction of it; returns the largest displacement, m. Points may
+/// cross periodic sides.
 fn interpolate(
     body: &Body,
     start: &[Vector3<f64>],

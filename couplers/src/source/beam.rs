@@ -99,7 +99,7 @@ impl Span {
         grid: &CellGrid,
         axis: usize,
         position: f64,
-        (low, high): (f64, f64),
+        [low, high]: [f64; 2],
         reach: f64,
     ) -> Self {
         if grid.is_thickness(axis) {
@@ -229,7 +229,7 @@ impl Beam {
         }
     }
 
-    /// As [`Beam::add`], on a body without a lattice.
+    /// [`Beam::add`] for a body without a lattice.
     pub fn add_to_cells(
         &self,
         cells: &Cells<'_>,
@@ -257,7 +257,7 @@ impl Beam {
         let mut parts = std::mem::take(&mut scratch.parts);
         let mut part = |[low, high]: [Vector3<f64>; 2]| {
             let spans = [0, 1].map(|i| {
-                let ends = (low[axes[i]], high[axes[i]]);
+                let ends = [low[axes[i]], high[axes[i]]];
                 Span::of_cell(&cells.grid, axes[i], pose.position[axes[i]], ends, reach[i])
             });
             self.fill_lateral(&spans, travel, Sampling::CellAverage, scratch);
@@ -276,7 +276,7 @@ impl Beam {
         parts.extend(cells.near(low, high).map(of_cell));
         let in_box = part(cells.bounds);
         let asked = self.asked(&cells.grid, power);
-        let deposit = cells.deposit(&parts, (asked, in_box, self.normalise), values);
+        let deposit = cells.deposit(&parts, asked, in_box, self.normalise, values);
         scratch.parts = parts;
         deposit
     }

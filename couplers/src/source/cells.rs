@@ -1,11 +1,11 @@
-//! Cells of several sizes: what sources heat on a body without a lattice.
+//! Cells of a body without a lattice, on which sources deposit their power.
 //!
 //! Each point has a cell, a cube around the centre of the cell from which it may be displaced. It receives the integral
 //! of the density over its cell. The cells of zones touch, so that the parts of all cells add up to that of the body;
 //! those of a table leave gaps and overlap, and are scaled so that together they receive the part of the box of the body.
 //!
-//! Points that move have cells around their current positions, of the size of their spacing. They leave gaps and overlap,
-//! too; where they cover less than [`LEAST_COVER`] of the source, the body has a free surface there, and power is lost
+//! Points that move have cells around their current positions, of the size of their spacing. They leave gaps and overlap;
+//! where they cover less than [`LEAST_COVER`] of the source, the body has a free surface there, and power is lost
 //! in proportion.
 
 use nalgebra::Vector3;
@@ -120,7 +120,7 @@ impl<'a> Cells<'a> {
         self.near(*at, *at).next()
     }
 
-    /// As [`Cells::point_at`]; where cells leave gaps and the body is not full, the nearest point within `reach` (m).
+    /// [`Cells::point_at`]; where cells leave gaps and the body is not full, the nearest point within `reach` (m).
     pub(super) fn point_for(&self, at: &Vector3<f64>, reach: f64) -> Option<usize> {
         if self.cover != Cover::PartlyFull {
             return self.point_at(at);
@@ -135,12 +135,14 @@ impl<'a> Cells<'a> {
             .min_by(|&a, &b| to(a).total_cmp(&to(b)))
     }
 
-    /// Adds power densities (W/m³): the parts of the power that cells receive, of which `in_box` would fall into the box
-    /// of the body.
+    /// Adds to `values` (W/m³) the `parts` of the power `asked` (W) that cells receive; `in_box` is the fraction of the
+    /// source inside the box of the body.
     pub(super) fn deposit(
         &self,
         parts: &[(usize, f64)],
-        (asked, in_box, normalise): (f64, f64, bool),
+        asked: f64,
+        in_box: f64,
+        normalise: bool,
         values: &mut [f64],
     ) -> Deposit {
         let hit: f64 = parts.iter().map(|(_, part)| part).sum();
@@ -237,8 +239,7 @@ mod tests {
         ] {
             let mut values = [0.0; 3];
             let parts = [(0, 0.75 * hit), (2, 0.25 * hit)];
-            let given = (100.0, in_box, normalise);
-            let deposit = cells(cover).deposit(&parts, given, &mut values);
+            let deposit = cells(cover).deposit(&parts, 100.0, in_box, normalise, &mut values);
             let close = |found: f64, expected: f64| (found - expected).abs() < 1e-10;
             assert_eq!(deposit.asked, 100.0);
             assert!(

@@ -15,14 +15,14 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 
-use super::sampled::{Frame, Sampled};
-use super::{CellGrid, Cells, Deposit, HeatedBody, HeatedSurface, SourceError, positive, within};
+use super::sampled::{Sampled, SourceFrame};
+use super::{CellGrid, Cells, Deposit, HeatedSurface, SourceError, positive, within};
 use crate::toolpath::Pose;
 
 /// Most samples of the density in a step.
 const MOST_SAMPLES: f64 = 1e8;
 
-/// Relative difference of integrals over a box and over the cells in it that is taken for an error of the samples.
+/// Largest relative difference of the integrals over a box and over the cells in it that is an error of the samples.
 const SAMPLING: f64 = 0.02;
 
 /// A power density in the frame of the source, of which only the shape counts: it is scaled to the power.
@@ -30,15 +30,14 @@ pub trait Density: Debug {
     /// The density, zero or greater, at x along the direction of travel, y to its left as seen from outside, and a depth z >= 0 (m).
     fn at(&self, x: f64, y: f64, z: f64) -> f64;
 
-    /// Beyond these distances along x, y and z (m) from the position of the source it counts as zero.
+    /// Distances from the position of the source along x, y and z (m) beyond which the density counts as zero.
     fn reach(&self) -> [f64; 3];
 
     /// Shortest length over which it changes (m).
     fn finest(&self) -> f64;
 }
 
-/// A [`Density`] with its power and the face that it heats: what a shape of another crate gives as its
-/// [`Source`](super::Source).
+/// A [`Density`] with its power and the face that it heats, the [`Source`](super::Source) of a shape of another crate.
 #[derive(Debug, Clone)]
 pub struct DensitySource {
     /// Power where the toolpath gives none (W).
@@ -71,7 +70,7 @@ impl DensitySource {
         }
         let [along, across, depth] = reach;
         let mut largest = 0.0_f64;
-        // values on a grid of 21 x 21 x 11 places of its box
+        // values on a grid of 21 x 21 x 11 positions in its box
         for (i, j, k) in (0..21 * 21 * 11).map(|n| (n % 21, n / 21 % 21, n / 441)) {
             let part = |n: i32, of: f64| f64::from(n) / of;
             let [x, y, z] = [
@@ -110,7 +109,8 @@ impl DensitySource {
         }
     }
 
-    fn sampled(&self, pose: &Pose, torch: Option<Vector3<f64>>) -> Sampled<'_> {
+    /// The density at `pose`, along the axis `torch` where it is not normal to the face.
+    pub(super) fn sampled(&self, pose: &Pose, torch: Option<Vector3<f64>>) -> Sampled<'_> {
         let face = self.surface.face;
         let mut inward = Vector3::zeros();
         inward[face.axis()] = if face.is_upper() { -1.0 } else { 1.0 };
@@ -121,33 +121,22 @@ impl DensitySource {
         let density = &*self.density;
         let is_tilted = torch.is_some();
         Sampled {
-            frame: Frame::new(origin, torch.unwrap_or(inward), pose.direction),
+            frame: SourceFrame::new(origin, torch.unwrap_or(inward), pose.direction),
             reach: density.reach(),
             finest: density.finest(),
             at_centres: false,
             is_even: is_tilted,
             normalise: true,
-            // across the frame is to the right as seen from outside
+            // eta points to the right as seen from outside
             density: Box::new(move |x, right, z| density.at(x, -right, z)),
         }
-    }
-
-    pub(super) fn add(
-        &self,
-        body: &(impl HeatedBody + ?Sized),
-        (pose, torch): (&Pose, Option<Vector3<f64>>),
-        power: f64,
-        values: &mut [f64],
-        parts: &mut Vec<f64>,
-    ) -> Deposit {
-        let sampled = self.sampled(pose, torch);
-        sampled.add(body, power, values, parts)
     }
 
     pub(super) fn add_to_cells(
         &self,
         cells: &Cells<'_>,
-        (pose, power): (&Pose, f64),
+        pose: &Pose,
+        power: f64,
         values: &mut [f64],
         parts: &mut Vec<(usize, f64)>,
     ) -> Deposit {
@@ -166,7 +155,7 @@ impl DensitySource {
             );
         }
         let sum: f64 = parts.iter().map(|(_, part)| part).sum();
-        // cells that fill the box of the body differ from it by the error of the samples
+        // for cells that fill the box of the body both integrals differ by the error of the samples
         let correction = match (sum / in_box - 1.0).abs() < SAMPLING {
             true => in_box / sum,
             false => 1.0,
@@ -175,6 +164,6 @@ impl DensitySource {
             .iter_mut()
             .for_each(|(_, part)| *part *= correction / whole);
         let in_box = if whole > 0.0 { in_box / whole } else { 0.0 };
-        cells.deposit(parts, (power, in_box, true), values)
+        cells.deposit(parts, power, in_box, true, values)
     }
 }

@@ -29,7 +29,7 @@ impl Deposit {
 pub struct Depositor {
     source: CheckedSource,
     efficiency: f64,
-    /// Axis of the torch, where it is not that of the heated face.
+    /// Axis of the torch, where it is not normal to the heated face.
     axis: Option<Vector3<f64>>,
     scratch: Scratch,
 }
@@ -80,7 +80,7 @@ impl Depositor {
         self.efficiency
     }
 
-    /// Axis of the torch (unit vector, into the material) where it is not that of the heated face.
+    /// Axis of the torch (unit vector, into the material) where it is not normal to the heated face.
     pub fn axis(&self) -> Option<Vector3<f64>> {
         self.axis
     }
@@ -99,7 +99,7 @@ impl Depositor {
         }
     }
 
-    /// As [`Depositor::add`], on a body without a lattice.
+    /// [`Depositor::add`] for a body without a lattice.
     pub fn add_to_cells(&mut self, cells: &Cells<'_>, pose: &Pose, values: &mut [f64]) -> Deposit {
         let power = pose.power * self.efficiency;
         if power == 0.0 {
@@ -107,21 +107,20 @@ impl Depositor {
         }
         match &self.source {
             CheckedSource::Point(point) => {
-                point.add_to_cells(cells, (pose, power), values, &mut self.scratch.parts)
+                point.add_to_cells(cells, pose, power, values, &mut self.scratch.parts)
             }
             CheckedSource::Beam(beam) => {
                 beam.add_to_cells(cells, pose, power, values, &mut self.scratch)
             }
             CheckedSource::Density(density) => {
-                density.add_to_cells(cells, (pose, power), values, &mut self.scratch.parts)
+                density.add_to_cells(cells, pose, power, values, &mut self.scratch.parts)
             }
         }
     }
 
     /// Adds the power density at `pose` (W/m³) to `values`, one per point.
     ///
-    /// `pose` is that of the middle of a step: if steps end at the events of the toolpath, the energy is
-    /// then exact.
+    /// `pose` is the pose in the middle of a step: the energy is exact if steps end at the events of the toolpath.
     pub fn add(
         &mut self,
         body: &(impl HeatedBody + ?Sized),
@@ -137,11 +136,13 @@ impl Depositor {
         match (&self.source, axis) {
             (CheckedSource::Point(point), _) => point.add(body, pose, power, values),
             (CheckedSource::Beam(beam), Some(axis)) => {
-                beam.add_tilted(body, (pose, axis), power, values, scratch)
+                let sampled = beam.tilted(pose, axis);
+                sampled.add(body, power, values, &mut scratch.lateral)
             }
             (CheckedSource::Beam(beam), None) => beam.add(body, pose, power, values, scratch),
             (CheckedSource::Density(density), axis) => {
-                density.add(body, (pose, axis), power, values, &mut scratch.lateral)
+                let sampled = density.sampled(pose, axis);
+                sampled.add(body, power, values, &mut scratch.lateral)
             }
         }
     }

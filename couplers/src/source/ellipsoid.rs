@@ -1,9 +1,9 @@
 //! Keys of the semi-ellipsoid and of Goldak's double ellipsoid.
 //!
-//! The power density is `Footprint::Ellipse` times `DepthProfile::Bell`; both formulas stand in `profile.rs` above the
-//! functions that compute them. The double ellipsoid has the length c_f and the fraction f_f in front of the source
-//! and c_r, f_r behind it, with `f_f + f_r = 2`. It is continuous at xi = 0 for `f_f = 2 c_f / (c_f + c_r)`, the
-//! default. The semi-ellipsoid is `c_f = c_r`, `f_f = f_r = 1`.
+//! The power density is `Footprint::Ellipse` times `DepthProfile::Bell`; both formulas are documented in `profile.rs`.
+//! The double ellipsoid has the length c_f and the fraction f_f in front of the source and c_r, f_r behind it, with
+//! `f_f + f_r = 2`. It is continuous at xi = 0 for `f_f = 2 c_f / (c_f + c_r)`, the default. The semi-ellipsoid is
+//! `c_f = c_r`, `f_f = f_r = 1`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
 use super::{
-    ArcProcess, HeatedSurface, Sampling, SourceError, arc_efficiency, positive, within, yes,
+    ArcProcess, HeatedSurface, Sampling, SourceError, arc_efficiency, default_normalise, positive,
+    within,
 };
 
 /// An ellipsoid cut in half by the heated face.
@@ -42,7 +43,7 @@ pub struct SemiEllipsoid {
     #[serde(default)]
     pub sampling: Sampling,
     /// Whether the power is made exact; default yes.
-    #[serde(default = "yes")]
+    #[serde(default = "default_normalise")]
     pub normalise: bool,
     /// The heated face; default z+ at the height of the toolpath.
     #[serde(default)]
@@ -89,7 +90,7 @@ pub struct Goldak {
     #[serde(default)]
     pub sampling: Sampling,
     /// Whether the power is made exact; default yes.
-    #[serde(default = "yes")]
+    #[serde(default = "default_normalise")]
     pub normalise: bool,
     /// The heated face; default z+ at the height of the toolpath.
     #[serde(default)]

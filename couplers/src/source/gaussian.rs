@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
 use super::{
-    ArcProcess, CellGrid, HeatedSurface, Sampling, SourceError, arc_efficiency, positive, yes,
+    ArcProcess, CellGrid, HeatedSurface, Sampling, SourceError, arc_efficiency, default_normalise,
+    positive,
 };
 
 /// A Gaussian on the surface with an effective depth.
@@ -42,7 +43,7 @@ pub struct Gaussian {
     #[serde(default)]
     pub sampling: Sampling,
     /// Whether the power is made exact; default yes.
-    #[serde(default = "yes")]
+    #[serde(default = "default_normalise")]
     pub normalise: bool,
     /// The heated face; default z+ at the height of the toolpath.
     #[serde(default)]

@@ -26,8 +26,8 @@ impl CellGrid {
         self.plate && axis == 2
     }
 
-    /// A coordinate in spacings from the origin. Within rounding of a plane between two cells it is on that plane, so
-    /// that rounding does not add a cell above the surface.
+    /// A coordinate in spacings from the origin, moved onto a plane between two cells within rounding, so that rounding does
+    /// not add a cell above the surface.
     pub(super) fn in_cells(&self, axis: usize, coordinate: f64) -> f64 {
         let cells = (coordinate - self.origin[axis]) / self.spacing[axis];
         if (cells - cells.round()).abs() < 1e-9 {
@@ -78,7 +78,7 @@ pub struct HeatedSurface {
 }
 
 impl HeatedSurface {
-    /// Unit vector of the torch's axis where it is given.
+    /// Unit vector along the axis of the torch, where it is given.
     pub(super) fn axis(&self, body: &CellGrid) -> Result<Option<Vector3<f64>>, SourceError> {
         let Some(direction) = self.direction else {
             return Ok(None);

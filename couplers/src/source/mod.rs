@@ -5,10 +5,10 @@
 //! | [`Point`] | `point.rs` | the cells around the lattice vertex nearest the source |
 //! | [`Gaussian`] | `gaussian.rs` | `exp(-r^2 / 2 sigma^2)`, spread evenly over an effective depth |
 //! | [`SemiEllipsoid`] | `ellipsoid.rs` | `exp(-3 xi^2/c^2 - 3 eta^2/a^2 - 3 zeta^2/b^2)` |
-//! | [`Goldak`] | `ellipsoid.rs` | the same with different lengths in front and behind |
+//! | [`Goldak`] | `ellipsoid.rs` | `SemiEllipsoid` with different lengths in front and behind |
 //! | [`SuperGaussian`] | `super_gaussian.rs` | `exp(-2 (r/w)^k)`, times a choice of depth profiles |
 //! | [`Profile`] | `formula_profile.rs` | a formula in x, y, z and r |
-//! | [`DensitySource`] | `density.rs` | that of a shape of another crate |
+//! | [`DensitySource`] | `density.rs` | a shape of another crate |
 //! | [`PulsedLaser`] | `pulsed.rs` | `exp(-zeta/l)` under a whole face, a pulse in time, no toolpath |
 //!
 //! A [`Depositor`] adds the power density (W/m³) of a [`Source`] to the points of a [`HeatedBody`] and
@@ -139,7 +139,7 @@ fn efficiency(given: Option<f64>, process: Option<ArcProcess>) -> f64 {
     given.or(process.map(ArcProcess::efficiency)).unwrap_or(1.0)
 }
 
-/// As [`efficiency`], checked.
+/// [`efficiency`], checked to lie between 0 and 1.
 fn arc_efficiency(given: Option<f64>, process: Option<ArcProcess>) -> Result<f64, SourceError> {
     within("efficiency", efficiency(given, process), 0.0, 1.0)
 }
@@ -269,11 +269,11 @@ fn within(key: &'static str, value: f64, low: f64, high: f64) -> Result<f64, Sou
 }
 
 /// Default of an efficiency: all power enters the body.
-fn whole() -> f64 {
+fn default_efficiency() -> f64 {
     1.0
 }
 
 /// Default of `normalise`.
-fn yes() -> bool {
+fn default_normalise() -> bool {
     true
 }

@@ -12,7 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use nalgebra::Vector3;
 
-use super::{CellGrid, Cells, Deposit, HeatedBody, HeatedSurface, SourceError, whole, within};
+use super::{
+    CellGrid, Cells, Deposit, HeatedBody, HeatedSurface, SourceError, default_efficiency, within,
+};
 use crate::toolpath::Pose;
 
 /// A point source that hops from lattice vertex to lattice vertex.
@@ -24,7 +26,7 @@ pub struct Point {
     #[schemars(extend("minimum" = 0))]
     pub power: Option<f64>,
     /// Part of the power that enters the body, 0 to 1; default 1.
-    #[serde(default = "whole")]
+    #[serde(default = "default_efficiency")]
     #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub efficiency: f64,
     /// When the source hops to the next vertex; default `centred`.
@@ -84,12 +86,13 @@ impl Point {
         deposit
     }
 
-    /// As [`Point::add`], on a body without a lattice: equal parts at the positions half a spacing of the cell at the source
-    /// before and behind it along each axis, so that the source hops as on a lattice of that spacing.
+    /// [`Point::add`] for a body without a lattice: equal parts at the positions half a cell before and behind the source
+    /// along each axis, so that the source hops as on a lattice of that spacing.
     pub(super) fn add_to_cells(
         &self,
         cells: &Cells<'_>,
-        (pose, asked): (&Pose, f64),
+        pose: &Pose,
+        asked: f64,
         values: &mut [f64],
         parts: &mut Vec<(usize, f64)>,
     ) -> Deposit {
@@ -130,7 +133,7 @@ impl Point {
             }
         }
         let hit: f64 = parts.iter().map(|(_, part)| part).sum();
-        cells.deposit(parts, (asked, hit, true), values)
+        cells.deposit(parts, asked, hit, true, values)
     }
 
     /// First and last cell along an axis.

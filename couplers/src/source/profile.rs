@@ -77,7 +77,7 @@ impl Footprint {
         }
     }
 
-    /// How far the density reaches along and across the travel direction (m).
+    /// Extent of the density along and across the travel direction (m).
     pub fn reach(&self) -> [f64; 2] {
         match *self {
             Self::Ellipse {

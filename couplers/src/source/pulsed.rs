@@ -97,7 +97,8 @@ impl PulsedLaser {
     pub fn add(
         &self,
         body: &(impl HeatedBody + ?Sized),
-        (from, to): (f64, f64),
+        from: f64,
+        to: f64,
         values: &mut [f64],
     ) -> Deposit {
         let grid = *body.grid();
@@ -147,12 +148,13 @@ impl PulsedLaser {
         (-depth.max(0.0) / self.absorption_depth).exp()
     }
 
-    /// As [`PulsedLaser::add`], on a body without a lattice. `area` (m²) is that of the cells that face the laser, to which
-    /// the power asked for belongs.
+    /// [`PulsedLaser::add`] for a body without a lattice. `area` (m²) is the area of the cells that face the laser; it
+    /// determines the power asked for.
     pub fn add_to_cells(
         &self,
         cells: &Cells<'_>,
-        (from, to): (f64, f64),
+        from: f64,
+        to: f64,
         area: f64,
         values: &mut [f64],
     ) -> Deposit {
@@ -215,8 +217,8 @@ mod tests {
                 let mut energy = 0.0;
                 for n in 0..steps {
                     let mut values = film.zeros();
-                    let times = (step * f64::from(n), step * f64::from(n + 1));
-                    let deposit = laser.add(&film, times, &mut values);
+                    let [from, to] = [n, n + 1].map(|n| step * f64::from(n));
+                    let deposit = laser.add(&film, from, to, &mut values);
                     assert!(agree(film.power(&values), deposit.deposited));
                     assert!(agree(deposit.deposited + deposit.lost, deposit.asked));
                     energy += deposit.deposited * step;
@@ -237,7 +239,7 @@ mod tests {
         let laser = film_laser("x-");
         let mut values = film.zeros();
         let time = 150e-15;
-        laser.add(&film, (time - 1e-18, time + 1e-18), &mut values);
+        laser.add(&film, time - 1e-18, time + 1e-18, &mut values);
         // s at the centre of the sixth cell, 1.1 nm deep
         let expected = 0.94 * 13.4 * 0.07 / (100e-15 * 15.3e-9)
             * (-1.1 / 15.3 - 1.992 * (50.0 / 100.0_f64)).exp();

@@ -20,21 +20,21 @@ const MOST_PANELS: [f64; 2] = [6.0, 48.0];
 const UNCOVERED: f64 = 0.02;
 
 /// The frame of a source.
-pub(super) struct Frame {
+pub(super) struct SourceFrame {
     pub origin: Vector3<f64>,
     pub along: Vector3<f64>,
     pub across: Vector3<f64>,
     pub axis: Vector3<f64>,
 }
 
-impl Frame {
+impl SourceFrame {
     pub fn new(origin: Vector3<f64>, axis: Vector3<f64>, travel: Vector3<f64>) -> Self {
         let normal = |v: Vector3<f64>| (v - axis * v.dot(&axis)).try_normalize(1e-9);
         let along = normal(travel).or_else(|| normal(Vector3::x()));
         let along = along
             .or_else(|| normal(Vector3::y()))
             .unwrap_or_else(Vector3::z);
-        Frame {
+        SourceFrame {
             origin,
             along,
             across: axis.cross(&along),
@@ -45,18 +45,18 @@ impl Frame {
 
 /// A density in a frame.
 pub(super) struct Sampled<'a> {
-    pub frame: Frame,
-    /// How far it reaches along, across and in depth, m.
+    pub frame: SourceFrame,
+    /// Extent along, across and in depth, m.
     pub reach: [f64; 3],
     /// Shortest length over which it changes, m.
     pub finest: f64,
-    /// Whether a cell has the value at its centre instead of a mean.
+    /// Whether a cell receives the value at its centre instead of a mean.
     pub at_centres: bool,
-    /// Whether it continues evenly to negative depths, where an inclined torch meets a surface; else it is zero there.
+    /// Whether the density continues evenly to negative depths, as for an inclined torch; otherwise it is zero there.
     pub is_even: bool,
-    /// Whether the samples are scaled to the power; else the density has the integral 1 (1/m³).
+    /// Whether the samples are scaled to the power; otherwise the density has the integral 1 (1/m³).
     pub normalise: bool,
-    /// At xi, eta, zeta >= 0.
+    /// Density at xi, eta and zeta >= 0.
     pub density: Box<dyn Fn(f64, f64, f64) -> f64 + 'a>,
 }
 
@@ -187,17 +187,7 @@ impl Sampled<'_> {
                 lost: power,
             };
         }
-        // a plane cuts an even density into halves
-        let whole = match (self.normalise, self.is_even) {
-            (true, true) => 0.5 * all,
-            (true, false) => all,
-            (false, _) => 1.0 / grid.spacing.product(),
-        };
-        let covered = hit / whole;
-        let deposited = match self.is_even {
-            true if covered > 1.0 - UNCOVERED => power,
-            _ => power * covered,
-        };
+        let deposited = power * self.deposited_fraction(&grid, all, hit);
         let scale = if hit > 0.0 { deposited / hit } else { 0.0 };
         for (cell, part) in cells().zip(&*parts) {
             if let Some(point) = point_in(cell).filter(|_| *part > 0.0) {
@@ -210,6 +200,20 @@ impl Sampled<'_> {
             asked: power,
             deposited,
             lost: if lost > 1e-12 * power { lost } else { 0.0 },
+        }
+    }
+
+    /// Fraction of the power that is deposited where all cells have the sum `all` of the density and those with material `hit`.
+    fn deposited_fraction(&self, grid: &CellGrid, all: f64, hit: f64) -> f64 {
+        // a plane cuts an even density into halves
+        let whole = match (self.normalise, self.is_even) {
+            (true, true) => 0.5 * all,
+            (true, false) => all,
+            (false, _) => 1.0 / grid.spacing.product(),
+        };
+        match hit / whole {
+            covered if self.is_even && covered > 1.0 - UNCOVERED => 1.0,
+            covered => covered,
         }
     }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{HeatedSurface, Sampling, SourceError, positive, within, yes};
+use super::{HeatedSurface, Sampling, SourceError, default_normalise, positive, within};
 
 /// A laser beam with an adjustable edge.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -45,7 +45,7 @@ pub struct SuperGaussian {
     #[serde(default)]
     pub sampling: Sampling,
     /// Whether the power is made exact; default yes.
-    #[serde(default = "yes")]
+    #[serde(default = "default_normalise")]
     pub normalise: bool,
     /// The heated face; default z+ at the height of the toolpath.
     #[serde(default)]

@@ -3,34 +3,27 @@
 //! The density is footprint × depth profile in the frame of the torch: zeta along its axis, xi along the travel direction
 //! normal to the axis, eta across. It is continued evenly to zeta < 0, above the plane through the position of the source,
 //! and cells with material take their part of it. A flat surface through the position that contains the travel
-//! direction cuts the density into equal halves, so that its material receives the power asked for whatever the
+//! direction cuts the density into equal halves, so that its material receives the power asked for at any
 //! inclination. In a concave corner, such as a fillet, material covers more than a half and the density is scaled down; over
 //! an edge material covers less, and the rest is lost.
 
 use nalgebra::Vector3;
 
-use super::beam::{Beam, Scratch};
-use super::sampled::{Frame, Sampled};
-use super::{Deposit, HeatedBody, Sampling};
+use super::Sampling;
+use super::beam::Beam;
+use super::sampled::{Sampled, SourceFrame};
 use crate::toolpath::Pose;
 
 impl Beam {
-    /// As [`Beam::add`], with the axis of the torch along the unit vector `axis`.
-    pub fn add_tilted(
-        &self,
-        body: &(impl HeatedBody + ?Sized),
-        (pose, axis): (&Pose, Vector3<f64>),
-        power: f64,
-        values: &mut [f64],
-        scratch: &mut Scratch,
-    ) -> Deposit {
+    /// The density at `pose` with the axis of the torch along the unit vector `axis`.
+    pub fn tilted(&self, pose: &Pose, axis: Vector3<f64>) -> Sampled<'_> {
         let mut origin = pose.position;
         if let Some(level) = self.surface.level {
             origin[self.surface.face.axis()] = level;
         }
         let [along, across] = self.footprint.reach();
-        let sampled = Sampled {
-            frame: Frame::new(origin, axis, pose.direction),
+        Sampled {
+            frame: SourceFrame::new(origin, axis, pose.direction),
             reach: [along, across, self.depth.reach()],
             finest: self.footprint.finest().min(self.depth.finest()),
             at_centres: self.sampling == Sampling::Point,
@@ -39,15 +32,14 @@ impl Beam {
             density: Box::new(|xi, eta, zeta| {
                 self.footprint.density(xi, eta) * self.depth.density(zeta)
             }),
-        };
-        sampled.add(body, power, values, &mut scratch.lateral)
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::heated_body::lattice::TestLattice;
-    use super::super::{Depositor, Source};
+    use super::super::{Deposit, Depositor, Source};
     use super::*;
 
     fn goldak(direction: [f64; 3]) -> Source {

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::track::{Facing, TrackBuilder};
+use super::track::{Facing, TrackBuilder, Turn};
 use super::{ToolpathError, Track, finite, place, positive, power_of};
 
 /// Part of a circle about an axis, one circle or several turns.
@@ -89,7 +89,13 @@ impl Circle {
             Some(CircleTorch::Inward) => Facing::Inward,
             Some(CircleTorch::Outward) => Facing::Outward,
         };
-        track.turn_in(centre, ([u, v], facing), (rate, duration), power);
+        let turn = Turn {
+            centre,
+            plane: [u, v],
+            rate,
+            facing,
+        };
+        track.turn_in(turn, duration, power);
         track.finish().ok_or(ToolpathError::NoLength {
             key: "turns".into(),
         })

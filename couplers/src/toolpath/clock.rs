@@ -1,7 +1,7 @@
 //! The clock of a toolpath: time of the track against time of the run, which differ by the waits so far.
 //!
-//! A path waits only where a pass begins, and waits end between steps only, so that events land exactly: within a step the
-//! clock runs evenly or stands still. A torch and what follows it share one path with one clock.
+//! A path waits only where a pass begins, and waits end only between steps, so that steps can end exactly on events: within a
+//! step the clock runs evenly or stands still. A torch and the couplers that follow it share one path with one clock.
 
 use std::cell::{Cell, RefCell};
 
@@ -15,7 +15,7 @@ use super::pulse::{Pulse, Pulses};
 use super::track::{Pose, Track};
 use super::wait::Gauge;
 
-/// Difference of times that is taken for rounding, relative to the time.
+/// Largest relative difference of two times that is rounding.
 const ROUNDING: f64 = 1e-12;
 
 /// Most passes whose starts are reported one by one.
@@ -29,13 +29,13 @@ pub struct TimedPath {
     /// Axis of the torch where the track does not give it.
     torch: Option<Vector3<f64>>,
     taken: RefCell<Vec<Taken>>,
-    clock: RefCell<Clock>,
+    clock: RefCell<ClockState>,
     /// Start of the present step, s.
     now: Cell<f64>,
     gauges: RefCell<Option<Gauges>>,
 }
 
-/// What something else takes out of the energy of the path from a time on.
+/// Energy of the path that another coupler takes from a time on.
 #[derive(Clone, Copy, Debug)]
 struct Taken {
     /// Time of the track, s.
@@ -44,37 +44,37 @@ struct Taken {
     fraction: f64,
 }
 
-/// Where the conditions of the waits are measured.
+/// Measurement of the conditions of the waits.
 #[derive(Debug)]
 struct Gauges {
     body: BodyIndex,
     temperature: Read<f64>,
-    /// By pass.
+    /// Gauges by pass.
     by_pass: Vec<Option<Gauge>>,
 }
 
 /// State of the clock, saved with checkpoints.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Clock {
+pub(crate) struct ClockState {
     /// Time spent waiting, s: time of the run less time of the track.
     delay: f64,
-    /// Passes that have begun: time of the run (s), and temperature that ended the wait (K).
+    /// Passes that have begun: time of the run (s), and the temperature that ended the wait (K).
     begun: Vec<(f64, Option<f64>)>,
-    /// Temperature at the last look while waiting, K.
+    /// Last measured temperature while waiting, K.
     last: Option<f64>,
 }
 
 /// Time of the track.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum TrackTime {
-    /// The path goes on, s.
+    /// The path continues; time, s.
     Running(f64),
     /// The path waits before the pass that begins at this time of the track, s.
     Waiting(f64),
 }
 
 impl TrackTime {
-    /// Whether something that happens at `event` (s, of the track) has happened.
+    /// Whether `event` (s, of the track) lies in the past.
     pub fn has_passed(self, event: f64) -> bool {
         match self {
             TrackTime::Running(now) => event <= now,
@@ -97,7 +97,7 @@ impl TimedPath {
         }
     }
 
-    /// The same path with a power that is pulsed.
+    /// This path with pulsed power.
     pub(crate) fn pulsed(self, pulse: Option<Pulse>) -> Self {
         let start = self
             .track
@@ -110,7 +110,7 @@ impl TimedPath {
         }
     }
 
-    /// The same path with an axis of the torch (unit vector, into the material) where the track does not give it.
+    /// This path with an axis of the torch (unit vector, into the material) where the track does not give it.
     pub(crate) fn with_torch(self, torch: Option<Vector3<f64>>) -> Self {
         TimedPath { torch, ..self }
     }
@@ -120,8 +120,8 @@ impl TimedPath {
         self.torch
     }
 
-    /// Takes energies (J) at times of the track (s), such as those of droplets, out of that of the path: one fraction from where the
-    /// power comes on for a pass to where it comes on for the next one.
+    /// Subtracts energies (J) at times of the track (s), such as those of droplets, from the energy of the path. The fraction is
+    /// constant from one switch-on for a pass to the next.
     pub(crate) fn take(&self, parts: impl Iterator<Item = (f64, f64)>) {
         let starts = self.track.powered_passes();
         let mut energies = vec![0.0; starts.len()];
@@ -165,7 +165,7 @@ impl TimedPath {
         std::iter::successors(Some(from), next).map(part).sum()
     }
 
-    /// As [`Track::next_event`], with the switches of pulses, in time of the track.
+    /// [`Track::next_event`] with the switches of pulses, in time of the track.
     fn next_switch(&self, now: f64) -> Option<f64> {
         let event = self.track.next_event(now);
         match self.pulses {
@@ -181,7 +181,7 @@ impl TimedPath {
         &self.track
     }
 
-    /// Passes on the warnings of the path, and finds the points whose temperature its waits need.
+    /// Reports the warnings of the path, and finds the points whose temperature its waits need.
     ///
     /// # Errors
     /// A condition that cannot be measured.
@@ -258,7 +258,7 @@ impl TimedPath {
         TrackTime::Running(event.unwrap_or(now))
     }
 
-    /// As [`Track::pose`], in time of the run; while the path waits the source is off.
+    /// [`Track::pose`] in time of the run; while the path waits the source is off.
     pub fn pose(&self, time: f64) -> Pose {
         match self.at(time) {
             TrackTime::Running(now) => {
@@ -270,7 +270,7 @@ impl TimedPath {
         }
     }
 
-    /// As [`Track::last_pose_with_power`], in time of the run.
+    /// [`Track::last_pose_with_power`] in time of the run.
     pub(crate) fn last_pose_with_power(&self, time: f64) -> Pose {
         match self.at(time) {
             TrackTime::Running(now) => self.track.last_pose_with_power(now),
@@ -278,7 +278,7 @@ impl TimedPath {
         }
     }
 
-    /// As [`Track::next_event`], in time of the run, as far as it is known: up to the next wait; and the switches of pulses.
+    /// [`Track::next_event`] with the switches of pulses, in time of the run; no later than the start of the next wait.
     pub fn next_event(&self, after: f64) -> Option<f64> {
         self.next_of(after, |now| self.next_switch(now))
     }
@@ -300,8 +300,7 @@ impl TimedPath {
         Some(event + clock.delay)
     }
 
-    /// Time of the track at a time of the run (s) that may be to come: it is not known how long waits last, and those to come take
-    /// no time.
+    /// Time of the track at a time of the run (s), which may lie in the future: future waits count as zero.
     pub(crate) fn foreseen(&self, time: f64) -> TrackTime {
         let now = self.now.get();
         if time <= now {
@@ -321,7 +320,8 @@ impl TimedPath {
         self.is_on(self.at(time))
     }
 
-    /// Whether the source has power between a time (s) that may be to come and the event after it, as far as it is known.
+    /// Whether the source has power between a time (s), which may lie in the future, and the event after it. Future waits count
+    /// as zero.
     pub(crate) fn will_be_on(&self, time: f64) -> bool {
         self.is_on(self.foreseen(time))
     }
@@ -339,12 +339,12 @@ impl TimedPath {
         event + self.clock.borrow().delay
     }
 
-    /// At the first position, m.
+    /// First position, m.
     pub(crate) fn first_position(&self) -> Vector3<f64> {
         self.track.pose(self.track.start()).position
     }
 
-    /// What the path waits for at a time (s), as a sentence.
+    /// The condition for which the path waits at a time (s), as a sentence.
     fn unfinished(&self, time: f64) -> Option<String> {
         let clock = self.clock.borrow();
         let passes = self.track.passes();
@@ -365,13 +365,13 @@ impl TimedPath {
         ))
     }
 
-    /// The path as a programme, as known at a time (s). Waits that have not begun count as none.
+    /// The path as a programme, at a time (s). Future waits count as zero.
     pub(crate) fn programme(&self, time: f64) -> Option<Programme> {
         let waits = self.unfinished(time);
         let delay = self.clock.borrow().delay;
         let track = &self.track;
         let Some(end) = track.power_end() else {
-            // nothing of a path without an end is left over
+            // a path without an end has no fraction done
             return waits.map(|waits| Programme {
                 waits: Some(waits),
                 ..Programme::new("its toolpath", time)
@@ -397,7 +397,7 @@ impl TimedPath {
         })
     }
 
-    /// Passes that have begun, when, and at which temperature a wait ended; nothing for a path that is a single pass.
+    /// Reports of the passes that have begun: time, and temperature at the end of the wait; none for a path with a single pass.
     pub(crate) fn report(&self) -> Vec<Report> {
         let passes = self.track.passes();
         if passes.is_empty() {
@@ -423,12 +423,12 @@ impl TimedPath {
     }
 
     /// State for a checkpoint.
-    pub(crate) fn save(&self) -> Clock {
+    pub(crate) fn save(&self) -> ClockState {
         self.clock.borrow().clone()
     }
 
-    /// Restores what [`TimedPath::save`] gave.
-    pub(crate) fn load(&self, clock: Clock) {
+    /// Restores the state of [`TimedPath::save`].
+    pub(crate) fn load(&self, clock: ClockState) {
         *self.clock.borrow_mut() = clock;
     }
 }

@@ -35,7 +35,7 @@ pub struct Hatch {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub speed: f64,
     /// Whether every second line runs backwards; default yes.
-    #[serde(default = "yes")]
+    #[serde(default = "default_bidirectional")]
     pub bidirectional: bool,
     /// Time from the end of a line to the start of the next, source off (s); default 0.
     #[serde(default)]
@@ -69,7 +69,7 @@ pub struct Hatch {
     pub power: Option<f64>,
 }
 
-fn yes() -> bool {
+fn default_bidirectional() -> bool {
     true
 }
 

@@ -25,7 +25,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! and one that follows the torch of the case asks for its [`TimedPath`] by name, `setup.shared("source", "heat source", name)`.
+//! and a plugin that follows the torch of the case requests its [`TimedPath`] by name, `setup.shared("source", "heat source", name)`.
 //!
 //! SI units throughout; angles in radian, counted from +x towards +y. Weaves and hatches lie in planes normal to z.
 //!
@@ -52,7 +52,7 @@ use std::path::{Path, PathBuf};
 
 pub use circle::{Circle, CircleTorch};
 pub use clock::TimedPath;
-pub(crate) use clock::{Clock, TrackTime};
+pub(crate) use clock::{ClockState, TrackTime};
 pub use gcode::{DwellUnit, Gcode, GcodeError};
 pub use hatch::Hatch;
 pub use line::Line;
@@ -95,7 +95,7 @@ pub enum Toolpath {
 }
 
 impl Toolpath {
-    /// The key of its kind.
+    /// The key of the kind of path.
     pub(crate) fn kind(&self) -> &'static str {
         match self {
             Self::Line(_) => "line",
@@ -270,7 +270,7 @@ pub enum ToolpathError {
     /// A pass of a sequence.
     #[error("pass {} of the sequence: {source}", index + 1)]
     Pass {
-        /// Its position, counted from 0.
+        /// Index of the pass, counted from 0.
         index: usize,
         /// Key of the kind of its toolpath.
         kind: &'static str,

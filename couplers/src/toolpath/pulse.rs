@@ -1,4 +1,4 @@
-//! Pulses of a source: its power alternates between that of the toolpath and a base.
+//! Pulses of a source: its power alternates between the power of the toolpath and a base power.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -41,7 +41,7 @@ impl Pulse {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Pulses {
     pulse: Pulse,
-    /// Begin of the first period, s.
+    /// Start of the first period, s.
     start: f64,
 }
 

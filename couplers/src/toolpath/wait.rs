@@ -92,7 +92,7 @@ impl WaitUntil {
         })
     }
 
-    /// What is waited for, as a phrase.
+    /// The condition, as a phrase.
     pub(super) fn phrase(&self) -> String {
         let side = match self.when {
             Side::Below => "at most",
@@ -107,7 +107,7 @@ impl WaitUntil {
     }
 }
 
-/// Where a temperature is measured.
+/// Points at which a temperature is measured.
 #[derive(Debug)]
 pub(super) struct Gauge {
     points: Points,
@@ -118,7 +118,7 @@ pub(super) struct Gauge {
 enum Points {
     All,
     Region(Vec<u32>),
-    /// A place (m) and its nearest point.
+    /// A position (m) and its nearest point.
     Place {
         at: Vector3<f64>,
         nearest: usize,
@@ -126,7 +126,7 @@ enum Points {
 }
 
 impl Gauge {
-    /// The temperature that counts, K; `None` where there is no material.
+    /// The measured temperature, K; `None` where there is no material.
     pub(super) fn measure(
         &self,
         world: &World,

@@ -74,7 +74,7 @@ impl Weave {
         match self.shape {
             WeaveShape::Sine => {
                 let rate = TAU * speed / wavelength;
-                track.swing(end, speed, (sideways * amplitude, rate), power);
+                track.swing(end, speed, sideways * amplitude, rate, power);
             }
             WeaveShape::Zigzag => {
                 let legs = 2.0 * length / wavelength;

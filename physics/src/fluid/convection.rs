@@ -69,8 +69,7 @@ impl CarriedFlow {
     ) {
         let family = pddo.family();
         self.density.load(family, density, Mirrored::Scalar);
-        let operator = (pddo, &mut *work);
-        self.mass.find(operator, velocity, Some(&self.density));
+        self.mass.find(pddo, work, velocity, Some(&self.density));
         let divergence = &self.mass.divergence;
         let middle = |(i, rho): (usize, &f64)| rho + 0.5 * dt * (diffusion(i) - divergence[i]);
         let points = density.par_iter().enumerate();
@@ -78,8 +77,7 @@ impl CarriedFlow {
         points.collect_into_vec(&mut self.middle_density);
         let middle = &self.middle_density[..];
         self.density.load(family, middle, Mirrored::Scalar);
-        let operator = (pddo, work);
-        self.mass.find(operator, velocity, Some(&self.density));
+        self.mass.find(pddo, work, velocity, Some(&self.density));
     }
 
     /// Finds the decay of short waves; `laplacian(point, axis)` is that of the velocity, 1/(m s).
@@ -101,8 +99,7 @@ impl CarriedFlow {
             let spacing = medium.spacing[i];
             let sum = self.laplacian / (spacing * spacing);
             let diffusivity = medium.viscosity.value[i] / density[i];
-            let missing =
-                convection.missing_diffusivity((square.sqrt(), spacing), sum, diffusivity);
+            let missing = convection.missing_diffusivity(square.sqrt(), spacing, sum, diffusivity);
             density[i] * missing / sum
         };
         let points = self.slot.par_iter().enumerate();
@@ -113,7 +110,7 @@ impl CarriedFlow {
         }
         for (axis, short_waves) in self.short_waves.iter_mut().enumerate() {
             let difference = |i: usize| -self.missing[i] * laplacian(i, axis);
-            short_waves.find((pddo, &mut *work), (terms.rules, axis), difference);
+            short_waves.find(pddo, work, terms.rules, axis, difference);
         }
     }
 
@@ -141,7 +138,7 @@ impl CarriedFlow {
             let along = |point: usize| velocity[point][axis];
             let ghosts = ByRules(rules, axis);
             self.velocity.load(pddo.family(), along, ghosts);
-            carried.carry((pddo, &mut *work), &self.mass, &self.velocity);
+            carried.carry(pddo, work, &self.mass, &self.velocity);
         }
     }
 

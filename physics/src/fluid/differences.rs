@@ -312,7 +312,7 @@ impl Rates for Differences {
             self.diffusion.find((pddo, work), density, terms);
         }
         let Some(mut carried) = self.carried.take() else {
-            return self.flux.find((pddo, work), velocity, None);
+            return self.flux.find(pddo, work, velocity, None);
         };
         let mut work = std::mem::take(&mut self.work);
         let rate = |i: usize| self.diffusion_rate(terms, i);

@@ -372,8 +372,7 @@ impl RunningFluid {
             let largest = medium.viscosity.largest(m) / medium.reference_density[i];
             // short waves lack more where the viscosity is small; their rate is that of the Laplacian squared
             let missing = passing.map_or(0.0, |(c, speed)| {
-                let flow = (speed, medium.spacing[i]);
-                2.0 * c.missing_diffusivity(flow, laplacian, 0.0)
+                2.0 * c.missing_diffusivity(speed, medium.spacing[i], laplacian, 0.0)
             });
             let viscosity = largest + artificial + missing;
             let damping = viscosity + self.keys.density_diffusion * medium.sound_diffusivity(i);

@@ -1,4 +1,4 @@
-//! What the composition of a low-alloy steel tells of its transformations and hardness.
+//! Transformations and hardness of low-alloy steels by their composition.
 //!
 //! - `Ac1`, `Ac3`, `Ms`: Andrews, K. W. (1965), Empirical formulae for the calculation of some transformation
 //!   temperatures, J. Iron Steel Inst. 203, 721-727; the linear formulas.
@@ -11,7 +11,7 @@
 //! - hardness: Maynier, P., Jungmann, B., Dollet, J. (1978), Creusot-Loire system for the prediction of the mechanical
 //!   properties of low alloy steel products, in: Hardenability concepts with applications to steel, AIME, 518-545.
 //!
-//! They were fitted to steels of up to about 0.6 % carbon and 5 % of other elements.
+//! The formulas were fitted to steels of up to about 0.6 % carbon and 5 % of other elements.
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ const PLAIN_CARBON: f64 = 0.3;
 const RESIDUAL: f64 = 0.3;
 const MOST_MANGANESE: f64 = 1.65;
 
-/// Mass % of the elements that the formulas know.
+/// Content of the elements of the formulas, mass %.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Composition {
     /// C.
@@ -52,7 +52,7 @@ pub struct Composition {
 }
 
 impl Composition {
-    /// That of a material; `None` where its carbon is not given. Elements that are not given are absent.
+    /// Composition of a material; `None` without `carbon`. Elements that are not given are absent.
     ///
     /// # Errors
     /// A content that depends on temperature.
@@ -83,12 +83,12 @@ impl Composition {
         celsius + ZERO_CELSIUS
     }
 
-    /// Temperature at which the last ferrite is gone, K.
+    /// Temperature at which the last ferrite has transformed, K.
     pub fn ac3(&self) -> f64 {
         self.ac3_without_carbon() - 203.0 * self.carbon.sqrt()
     }
 
-    /// K.
+    /// `Ac3` of the composition without its carbon, K.
     fn ac3_without_carbon(&self) -> f64 {
         let celsius = 910.0 - 15.2 * self.nickel
             + 44.7 * self.silicon
@@ -121,19 +121,19 @@ impl Composition {
         celsius + ZERO_CELSIUS
     }
 
-    /// Share of austenite in equilibrium between `Ac1` and `Ac3`, by the lever rule: the austenite has the carbon at
+    /// Fraction of austenite in equilibrium between `Ac1` and `Ac3`, by the lever rule: the austenite has the carbon at
     /// which its `Ac3` is the temperature (K), ferrite has 0.02 %.
     pub fn equilibrium_austenite(&self, temperature: f64) -> f64 {
         let of_austenite = ((self.ac3_without_carbon() - temperature) / 203.0).powi(2);
-        let share = (self.carbon - IN_FERRITE) / (of_austenite - IN_FERRITE);
-        if temperature >= self.ac3() || share.is_nan() {
+        let fraction = (self.carbon - IN_FERRITE) / (of_austenite - IN_FERRITE);
+        if temperature >= self.ac3() || fraction.is_nan() {
             1.0
         } else {
-            share.clamp(0.0, 1.0)
+            fraction.clamp(0.0, 1.0)
         }
     }
 
-    /// Whether this is a plain carbon steel with so much carbon that Kirkaldy and Venugopalan (1984) describe it.
+    /// Whether this is a plain carbon steel with enough carbon for Kirkaldy and Venugopalan (1984).
     pub fn is_plain_carbon(&self) -> bool {
         let residual = self.nickel + self.chromium + self.molybdenum + self.vanadium;
         self.carbon >= PLAIN_CARBON && residual <= RESIDUAL && self.manganese <= MOST_MANGANESE
@@ -238,7 +238,7 @@ impl Composition {
             molybdenum: mo,
             vanadium: v,
         } = *self;
-        // of the rate in K/h
+        // logarithm of the rate in K/h
         let rate = (3600.0 * cooling_rate).max(1.0).log10();
         let ferrite_pearlite = 42.0
             + 223.0 * c

@@ -1,6 +1,6 @@
-//! How fast austenite transforms by diffusion, at a temperature.
+//! Rates at which austenite transforms by diffusion.
 //!
-//! Both laws are additive (Scheil's rule): the rate depends on temperature and on the share transformed so far, not on
+//! Both laws are additive (Scheil's rule): the rate depends on temperature and on the fraction transformed so far, not on
 //! the path. At a constant temperature [`Kinetics::after`] is exact for a step of any size.
 
 use std::ops::Range;
@@ -11,14 +11,14 @@ use perimelt_core::material::Table;
 /// A law of transformation.
 #[derive(Clone, Debug)]
 pub enum Kinetics {
-    /// By measured times of beginning and end.
+    /// Measured times of beginning and end.
     Isothermal(IsothermalCurves),
-    /// By composition.
+    /// Rates by composition.
     Kirkaldy(Kirkaldy),
 }
 
 impl Kinetics {
-    /// Share transformed after a `time` (s) at a temperature (K), of the share `x` that is transformed at first.
+    /// Fraction transformed after a `time` (s) at a temperature (K), from the fraction `x` transformed at its start.
     pub fn after(&self, x: f64, temperature: f64, time: f64) -> f64 {
         match self {
             Kinetics::Isothermal(curves) => curves.after(x, temperature, time),
@@ -34,7 +34,7 @@ impl Kinetics {
     }
 }
 
-/// Shares at the times of beginning and end of an isothermal transformation.
+/// Fractions at the times of beginning and end of an isothermal transformation.
 const BEGINNING: f64 = 0.01;
 const END: f64 = 0.99;
 
@@ -61,7 +61,7 @@ impl IsothermalCurves {
         let (beginning, end) = (self.beginning.at(temperature), self.end.at(temperature));
         let unit = -(-BEGINNING).ln_1p();
         let exponent = ((1.0 - END).ln() / -unit).ln() / (end - beginning);
-        // time at this temperature after which the share would be transformed, in times of beginning
+        // time at this temperature after which the fraction would be transformed, in times of beginning
         let elapsed = (-(-x).ln_1p() / unit).powf(exponent.recip()) + time / beginning.exp();
         let after = -(-unit * elapsed.powf(exponent)).exp_m1();
         after.max(x)
@@ -74,18 +74,18 @@ impl IsothermalCurves {
 /// dX/dt = X^(p (1-X)) (1-X)^(p X) exp(-s X^2) (T_start - T)^n / (factor sum_i w_i exp(A_i / T))
 /// ```
 ///
-/// The sum has the resistances that hold up carbon and alloying elements at the interface.
+/// The sum contains the resistances to diffusion of carbon and alloying elements at the interface.
 #[derive(Clone, Debug)]
 pub struct Kirkaldy {
-    /// s K^n; of composition and grain size.
+    /// Factor by composition and grain size, s K^n.
     pub factor: f64,
     /// n.
     pub exponent: i32,
-    /// Temperatures between which it goes on, K; the upper one is `T_start`.
+    /// Temperatures of the transformation, K; the upper one is `T_start`.
     pub range: Range<f64>,
     /// Weights w_i, and activation energies over the gas constant A_i, K.
     pub resistances: [(f64, f64); 2],
-    /// How the rate depends on what is transformed, p and s.
+    /// Dependence of the rate on the transformed fraction, p and s.
     pub form: Arc<Sigmoid>,
 }
 
@@ -98,7 +98,7 @@ pub const fn activation(energy: f64) -> f64 {
 pub static LI: LazyLock<Arc<Sigmoid>> = LazyLock::new(|| Arc::new(Sigmoid::new(0.4, 0.0)));
 
 impl Kirkaldy {
-    /// 1/s.
+    /// Rate at which the integral of the form grows, 1/s.
     fn rate(&self, temperature: f64) -> f64 {
         if !self.range.contains(&temperature) {
             return 0.0;
@@ -129,7 +129,7 @@ pub struct Sigmoid {
 const INTERVALS: usize = 1000;
 
 impl Sigmoid {
-    /// With the exponent p, below 1, and the factor s.
+    /// The integral for the exponent p, below 1, and the factor s.
     pub fn new(exponent: f64, slowing: f64) -> Self {
         let mut sigmoid = Sigmoid {
             exponent,
@@ -150,7 +150,7 @@ impl Sigmoid {
         sigmoid
     }
 
-    /// m.
+    /// The exponent m.
     fn power(&self) -> f64 {
         3.0 / (1.0 - self.exponent)
     }
@@ -158,12 +158,12 @@ impl Sigmoid {
     fn at(&self, x: f64) -> f64 {
         let odds = (x / (1.0 - x)).powf(self.power().recip());
         let w = if x >= 1.0 { 1.0 } else { odds / (1.0 + odds) };
-        let place = w * INTERVALS as f64;
-        let interval = (place as usize).min(INTERVALS - 1);
-        self.cubic(interval, place - interval as f64).0
+        let position = w * INTERVALS as f64;
+        let interval = (position as usize).min(INTERVALS - 1);
+        self.cubic(interval, position - interval as f64).0
     }
 
-    /// Value and derivative by the place in an interval, 0 to 1.
+    /// Value and derivative by the coordinate in an interval, 0 to 1.
     fn cubic(&self, interval: usize, u: f64) -> (f64, f64) {
         let width = 1.0 / INTERVALS as f64;
         let (from, to) = (self.values[interval], self.values[interval + 1]);
@@ -196,17 +196,18 @@ impl Sigmoid {
             }
         }
         let w = (interval as f64 + u) / INTERVALS as f64;
-        self.share(w)
+        self.fraction(w)
     }
 
-    fn share(&self, w: f64) -> f64 {
+    /// X by w.
+    fn fraction(&self, w: f64) -> f64 {
         let (up, down) = (w.powf(self.power()), (1.0 - w).powf(self.power()));
         up / (up + down)
     }
 
     /// `dS/dw`.
     fn slope(&self, w: f64) -> f64 {
-        let x = self.share(w);
+        let x = self.fraction(w);
         if x == 0.0 || x == 1.0 {
             return 0.0;
         }
@@ -297,7 +298,7 @@ mod tests {
                 "{temperature}: {found}"
             );
         }
-        // in steps so short that the share stays, around 0.3
+        // in steps so short that the fraction stays, around 0.3
         let (x, time) = (0.3_f64, 1e-3);
         let form = x.powf(0.4 * (1.0 - x)) * (1.0 - x).powf(0.4 * x);
         let rate = law.rate(900.0);

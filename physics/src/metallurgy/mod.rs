@@ -8,10 +8,10 @@
 //! |---|---|
 //! | austenite | Leblond and Devaux: `da/dt = (a_eq(T) - a) / time` above `Ac1` |
 //! | ferrite, pearlite, bainite | by composition ([`composition`], Li et al. 1998), or by times of 1 % and 99 % at constant temperature (Johnson, Mehl, Avrami and Kolmogorov), along any path by Scheil's rule |
-//! | martensite | Koistinen and Marburger: `exp(-rate (Ms - T))` of the austenite is left |
+//! | martensite | Koistinen and Marburger: the fraction `exp(-rate (Ms - T))` of the austenite remains |
 //!
-//! Composition (mass %) are material properties: `carbon`, `manganese`, `silicon`, `nickel`, `chromium`, `molybdenum`,
-//! `vanadium`. Keys of the case replace single laws.
+//! The composition (mass %) is given by the material properties `carbon`, `manganese`, `silicon`, `nickel`, `chromium`, `molybdenum`,
+//! `vanadium`. Keys of the case file replace single laws.
 //!
 //! Stress from transformation needs the coupler `phase_expansion` in place of `thermal_expansion`; latent heat the coupler
 //! `transformation_heat`; yield stresses by constituent the coupler `phase_strength`. Transformation plasticity
@@ -21,10 +21,10 @@
 //! d(strain) = 3/2 s K d(g(z)),   g(z) = z (2 - z)
 //! ```
 //!
-//! with s the stress deviator and z the share that is not austenite goes into the plastic strain of a `mechanical` with
+//! with s the stress deviator and z the fraction that is not austenite is added to the plastic strain of a `mechanical` with
 //! `plasticity`.
 //!
-//! Not modelled: tempering, growth of austenite grains, carbon that austenite takes up from ferrite.
+//! Not modelled: tempering, growth of austenite grains, carbon that diffuses from ferrite to austenite.
 
 pub mod composition;
 pub mod kinetics;
@@ -55,8 +55,8 @@ register_property! { "molybdenum", "mass %", "content of molybdenum", ValueRange
 register_property! { "austenite_conductivity", "W/(m K)", "thermal conductivity of austenite, where `metallurgy` tells its fraction (`thermal` with bonds); `conductivity` is then that of the other constituents", ValueRange::Positive }
 register_property! { "vanadium", "mass %", "content of vanadium", ValueRange::Between(0.0, 5.0) }
 
-/// Fields of the shares, in the order of [`transformation::Constituent`].
-const SHARES: [Key<f64>; CONSTITUENTS] = [
+/// Fields of the fractions, in the order of [`transformation::Constituent`].
+const FRACTIONS: [Key<f64>; CONSTITUENTS] = [
     keys::AUSTENITE,
     keys::FERRITE,
     keys::PEARLITE,
@@ -183,10 +183,10 @@ struct RunningMetallurgy {
     body: usize,
     transformation_plasticity: f64,
     temperature: Read<f64>,
-    shares: [Write<f64>; CONSTITUENTS],
+    fractions: [Write<f64>; CONSTITUENTS],
     hardness: Write<f64>,
     compliance: Write<f64>,
-    /// By material.
+    /// Laws by material.
     steels: Vec<Steel>,
     points: Vec<Microstructure>,
 }
@@ -254,7 +254,7 @@ impl Metallurgy {
         Ok(())
     }
 
-    /// Laws of a material: those of its composition, and those that the case gives.
+    /// Laws of a material, by its composition or by keys of the case file.
     fn steel(&self, composition: Option<Composition>) -> Result<Steel, SetupError> {
         let given = [
             ("ferrite", &self.ferrite),
@@ -294,7 +294,7 @@ impl Metallurgy {
         })
     }
 
-    /// Shares at the start of a material.
+    /// Initial fractions of a material.
     fn initial(&self, steel: &Steel) -> Result<[f64; CONSTITUENTS], SetupError> {
         if let Some(given) = &self.initial {
             let shares = [
@@ -329,12 +329,12 @@ impl Physics for Metallurgy {
         self: Box<Self>,
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningPhysics>, SetupError> {
-        Ok(Box::new(self.ready(setup)?))
+        Ok(Box::new(self.prepare_steels(setup)?))
     }
 }
 
 impl Metallurgy {
-    fn ready(&self, setup: &mut Setup<'_>) -> Result<RunningMetallurgy, SetupError> {
+    fn prepare_steels(&self, setup: &mut Setup<'_>) -> Result<RunningMetallurgy, SetupError> {
         self.check()?;
         let body = setup.find_body(self.body.as_deref())?;
         let mut steels = Vec::new();
@@ -353,8 +353,8 @@ impl Metallurgy {
             steels.push(steel);
         }
         let temperature = setup.read(body, &keys::TEMPERATURE)?;
-        let [a, f, p, b, m] = SHARES;
-        let shares = [
+        let [a, f, p, b, m] = FRACTIONS;
+        let fractions = [
             setup.own(body, &a)?,
             setup.own(body, &f)?,
             setup.own(body, &p)?,
@@ -369,7 +369,7 @@ impl Metallurgy {
             body,
             transformation_plasticity: self.transformation_plasticity,
             temperature,
-            shares,
+            fractions,
             hardness: setup.own(body, &keys::HARDNESS)?,
             compliance: setup.own(body, &keys::TRANSFORMATION_COMPLIANCE)?,
             steels,
@@ -445,7 +445,7 @@ perimelt_core::register_physics!(
     supports: [Motion, Births, Cuts]
 );
 
-/// `g(z) = z (2 - z)` of the share z that is not austenite.
+/// `g(z) = z (2 - z)` of the fraction z that is not austenite.
 fn transformed(point: &Microstructure) -> f64 {
     let austenite = point.fractions[0];
     1.0 - austenite * austenite
@@ -453,10 +453,10 @@ fn transformed(point: &Microstructure) -> f64 {
 
 impl RunningMetallurgy {
     fn publish(&self, world: &World) {
-        for (index, share) in self.shares.iter().enumerate() {
-            let mut share = world.write(*share);
-            let points = share.iter_mut().zip(&self.points);
-            points.for_each(|(share, point)| *share = point.fractions[index]);
+        for (index, field) in self.fractions.iter().enumerate() {
+            let mut field = world.write(*field);
+            let points = field.iter_mut().zip(&self.points);
+            points.for_each(|(fraction, point)| *fraction = point.fractions[index]);
         }
     }
 }

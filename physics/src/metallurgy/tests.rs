@@ -28,7 +28,7 @@ impl Heated {
         setup.next_plugin("heat");
         let temperature = setup.own(0, &keys::TEMPERATURE)?;
         setup.next_plugin("metallurgy");
-        let mut metallurgy = metallurgy.ready(&mut setup)?;
+        let mut metallurgy = metallurgy.prepare_steels(&mut setup)?;
         let finished = setup.finish();
         finished.map_err(|mut mistakes| mistakes.swap_remove(0).1)?;
         world.write(temperature).fill(initial);
@@ -56,8 +56,8 @@ impl Heated {
         &self.metallurgy.points[0]
     }
 
-    fn share(&self, of: Constituent) -> f64 {
-        self.point().share(of)
+    fn fraction(&self, of: Constituent) -> f64 {
+        self.point().fraction(of)
     }
 
     fn field(&self, name: &str) -> f64 {
@@ -97,17 +97,17 @@ fn austenite_forms_with_its_time_constant_and_from_all_others_alike() {
     let mut heated = Heated::new(BARE, keys, 1050.0);
     heated.step(3.0, 1050.0);
     let expected = 0.5 * (1.0 - (-1.5_f64).exp());
-    assert!((heated.share(Constituent::Austenite) - expected).abs() < 1e-12);
-    assert!((heated.share(Constituent::Ferrite) - 0.6 * (1.0 - expected)).abs() < 1e-12);
-    assert!((heated.share(Constituent::Bainite) - 0.4 * (1.0 - expected)).abs() < 1e-12);
+    assert!((heated.fraction(Constituent::Austenite) - expected).abs() < 1e-12);
+    assert!((heated.fraction(Constituent::Ferrite) - 0.6 * (1.0 - expected)).abs() < 1e-12);
+    assert!((heated.fraction(Constituent::Bainite) - 0.4 * (1.0 - expected)).abs() < 1e-12);
 }
 
-/// Shares after heating to 1200 K and cooling at a rate (K/s) in steps of a size (K).
+/// Fractions after heating to 1200 K and cooling at a rate (K/s) in steps of a size (K).
 fn cooled(rate: f64, size: f64) -> Heated {
     let mut heated = Heated::new(STEEL, "", 293.15);
     heated.step(1.0, 1200.0);
     heated.step(5.0, 1200.0);
-    assert!(heated.share(Constituent::Austenite) > 1.0 - 1e-6);
+    assert!(heated.fraction(Constituent::Austenite) > 1.0 - 1e-6);
     let mut temperature = 1200.0;
     while temperature > 293.15 {
         temperature = (temperature - size).max(293.15);
@@ -119,12 +119,13 @@ fn cooled(rate: f64, size: f64) -> Heated {
 #[test]
 fn slow_cooling_gives_ferrite_and_pearlite_and_fast_cooling_martensite() {
     let [slow, medium, fast] = [0.1, 30.0, 1000.0].map(|rate| cooled(rate, 5.0));
-    let of_diffusion = |h: &Heated| h.share(Constituent::Ferrite) + h.share(Constituent::Pearlite);
+    let of_diffusion =
+        |h: &Heated| h.fraction(Constituent::Ferrite) + h.fraction(Constituent::Pearlite);
     assert!(of_diffusion(&slow) > 0.95);
-    assert!(medium.share(Constituent::Bainite) > 0.3);
-    assert!(fast.share(Constituent::Martensite) > 0.9);
+    assert!(medium.fraction(Constituent::Bainite) > 0.3);
+    assert!(fast.fraction(Constituent::Martensite) > 0.9);
     // the lever rule: 15 / 63.7 of the austenite is left for pearlite
-    assert!((slow.share(Constituent::Pearlite) - 0.235).abs() < 0.03);
+    assert!((slow.fraction(Constituent::Pearlite) - 0.235).abs() < 0.03);
 }
 
 #[test]
@@ -157,12 +158,12 @@ fn transformation_compliance_is_that_of_the_share() {
     let mut heated = Heated::new(BARE, keys, 700.0);
     heated.step(1.0, 600.0);
     heated.step(1.0, 500.0);
-    let z = heated.share(Constituent::Martensite);
+    let z = heated.fraction(Constituent::Martensite);
     let expected = 1e-10 * z * (2.0 - z);
     assert!((heated.field("transformation_compliance") - expected).abs() < 1e-24);
 }
 
-/// A mixture has the hardness of its constituents by their shares; austenite that is left counts as martensite.
+/// A mixture has the hardness of its constituents by their fractions; austenite that remains counts as martensite.
 #[test]
 fn hardness_is_that_of_the_mixture() {
     let keys = "initial = { austenite = 0.1, ferrite = 0.2, pearlite = 0.3, bainite = 0.15, martensite = 0.25 }\ninitial_cooling_rate = 2.777777777777778e-4";
@@ -210,7 +211,7 @@ fn martensite_forms_again_after_austenite() {
     let keys = "martensite = { start = 673 }\naustenite = { start = 1000, end = 1100, time = 0.01 }\ninitial = { austenite = 1 }";
     let mut heated = Heated::new(BARE, keys, 900.0);
     let left = |temperature: f64| (-0.011 * (673.0 - temperature)).exp();
-    let martensite = |heated: &Heated| heated.share(Constituent::Martensite);
+    let martensite = |heated: &Heated| heated.fraction(Constituent::Martensite);
     heated.step(1.0, 573.0);
     assert!((martensite(&heated) - 1.0 + left(573.0)).abs() < 1e-12);
     // back and forth above the lowest temperature
@@ -224,7 +225,7 @@ fn martensite_forms_again_after_austenite() {
     assert!((martensite(&heated) - 1.0 + left(623.0)).abs() < 1e-12);
 }
 
-/// Without a composition the share of austenite in equilibrium rises linearly from its start to its end.
+/// Without a composition the fraction of austenite in equilibrium rises linearly from its start to its end.
 #[test]
 fn austenite_of_given_temperatures_is_linear_between_them() {
     let keys = "austenite = { start = 1000, end = 1200, time = 1e-3 }\ninitial = { ferrite = 1 }";
@@ -236,7 +237,7 @@ fn austenite_of_given_temperatures_is_linear_between_them() {
     ] {
         let mut heated = Heated::new(BARE, keys, temperature);
         heated.step(1.0, temperature);
-        let found = heated.share(Constituent::Austenite);
+        let found = heated.fraction(Constituent::Austenite);
         assert!((found - expected).abs() < 1e-12, "{temperature}: {found}");
     }
 }

@@ -1,4 +1,4 @@
-//! How the constituents of a point follow its temperature over a step.
+//! Transformation of the constituents of a point over a step.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,22 +8,22 @@ use super::kinetics::Kinetics;
 /// Constituents of steel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Constituent {
-    /// Stable when hot.
+    /// Stable at high temperature.
     Austenite,
-    /// By diffusion, between `Ac3` and the start of bainite.
+    /// Forms by diffusion between `Ac3` and the start of bainite.
     Ferrite,
-    /// By diffusion, between `Ac1` and the start of bainite.
+    /// Forms by diffusion between `Ac1` and the start of bainite.
     Pearlite,
-    /// Below the start of bainite.
+    /// Forms by diffusion below the start of bainite.
     Bainite,
-    /// Without diffusion, below the start of martensite.
+    /// Forms without diffusion below the start of martensite.
     Martensite,
 }
 
 /// Number of constituents.
 pub const CONSTITUENTS: usize = 5;
 
-/// Those that form by diffusion, in the order of [`Steel::reactions`].
+/// Constituents that form by diffusion, in the order of [`Steel::reactions`].
 const BY_DIFFUSION: [Constituent; 3] = [
     Constituent::Ferrite,
     Constituent::Pearlite,
@@ -33,13 +33,13 @@ const BY_DIFFUSION: [Constituent; 3] = [
 /// Largest change of temperature in a sub-step, K.
 const RESOLUTION: f64 = 1.0;
 
-/// Largest share transformed in a sub-step where more than one constituent forms.
-const LARGEST_SHARE: f64 = 0.01;
+/// Largest fraction transformed in a sub-step where more than one constituent forms.
+const LARGEST_FRACTION: f64 = 0.01;
 
-/// Temperature at which the rate of cooling counts for the hardness, K (700 °C).
+/// Temperature at which the cooling rate determines the hardness, K (700 °C).
 const HARDNESS_TEMPERATURE: f64 = 973.15;
 
-/// How austenite forms (Leblond and Devaux 1984): `da/dt = (a_eq(T) - a) / time`.
+/// Formation of austenite (Leblond and Devaux 1984): `da/dt = (a_eq(T) - a) / time`.
 #[derive(Clone, Copy, Debug)]
 pub struct Austenitisation {
     /// Temperature at which it begins, K.
@@ -50,7 +50,7 @@ pub struct Austenitisation {
     pub time: f64,
 }
 
-/// How martensite forms (Koistinen and Marburger 1959): of the austenite, `exp(-rate (start - T))` is left.
+/// Formation of martensite (Koistinen and Marburger 1959): the fraction `exp(-rate (start - T))` of the austenite remains.
 #[derive(Clone, Copy, Debug)]
 pub struct MartensiteLaw {
     /// Temperature at which it begins, K.
@@ -62,31 +62,31 @@ pub struct MartensiteLaw {
 /// Laws of a steel; a constituent without a law does not form.
 #[derive(Clone, Debug)]
 pub struct Steel {
-    /// Of heating.
+    /// Law of austenite.
     pub austenite: Option<Austenitisation>,
-    /// Of ferrite, pearlite, bainite.
+    /// Laws of ferrite, pearlite and bainite.
     pub reactions: [Option<Kinetics>; 3],
-    /// Of martensite.
+    /// Law of martensite.
     pub martensite: Option<MartensiteLaw>,
-    /// For equilibrium and hardness.
+    /// Composition, for equilibrium and hardness.
     pub composition: Option<Composition>,
 }
 
-/// What a point is made of, and what its future depends on.
+/// Constituents of a point and the state of their transformation.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Microstructure {
-    /// By [`Constituent`]; their sum is 1.
+    /// Fractions by [`Constituent`], with the sum 1.
     pub fractions: [f64; CONSTITUENTS],
-    /// K.
+    /// Temperature, K.
     pub temperature: f64,
     /// Lowest temperature since austenite formed, K.
     lowest: f64,
-    /// At the last cooling through 700 °C, K/s.
+    /// Cooling rate at the last cooling through 700 °C, K/s.
     pub cooling_rate: f64,
 }
 
 impl Microstructure {
-    /// Constituents at rest at a temperature (K); they formed at a rate of cooling (K/s at 700 °C).
+    /// Constituents at a temperature (K) that formed at a cooling rate (K/s at 700 °C).
     pub fn new(fractions: [f64; CONSTITUENTS], temperature: f64, cooling_rate: f64) -> Self {
         Microstructure {
             fractions,
@@ -96,8 +96,8 @@ impl Microstructure {
         }
     }
 
-    /// Share of a constituent.
-    pub fn share(&self, of: Constituent) -> f64 {
+    /// Fraction of a constituent.
+    pub fn fraction(&self, of: Constituent) -> f64 {
         self.fractions[of as usize]
     }
 
@@ -105,7 +105,7 @@ impl Microstructure {
         &mut self.fractions[Constituent::Austenite as usize]
     }
 
-    /// Turns an amount of austenite into a constituent.
+    /// Transforms an amount of austenite into a constituent.
     fn form(&mut self, of: Constituent, amount: f64) {
         *self.austenite() -= amount;
         self.fractions[of as usize] += amount;
@@ -113,7 +113,7 @@ impl Microstructure {
 }
 
 impl Steel {
-    /// Share of austenite in equilibrium at a temperature (K).
+    /// Fraction of austenite in equilibrium at a temperature (K).
     fn equilibrium(&self, law: &Austenitisation, temperature: f64) -> f64 {
         if temperature <= law.start {
             return 0.0;
@@ -127,8 +127,8 @@ impl Steel {
         }
     }
 
-    /// Largest share that may be ferrite at a temperature (K): that in equilibrium with austenite; below `Ac1`, where
-    /// pearlite takes the rest, that at `Ac1`.
+    /// Largest fraction of ferrite at a temperature (K): the fraction in equilibrium with austenite; below `Ac1`, where the rest
+    /// becomes pearlite, the fraction at `Ac1`.
     fn most_ferrite(&self, temperature: f64) -> f64 {
         match (&self.composition, &self.austenite) {
             (Some(c), _) => 1.0 - c.equilibrium_austenite(temperature.max(c.ac1())),
@@ -137,7 +137,7 @@ impl Steel {
         }
     }
 
-    /// Lets a point follow a temperature that changes linearly to `end` (K) over `time` (s).
+    /// Transforms a point whose temperature changes linearly to `end` (K) over `time` (s).
     pub fn follow(&self, point: &mut Microstructure, end: f64, time: f64) {
         let start = std::mem::replace(&mut point.temperature, end);
         if start > HARDNESS_TEMPERATURE && end <= HARDNESS_TEMPERATURE && time > 0.0 {
@@ -150,26 +150,26 @@ impl Steel {
         let smallest = RESOLUTION / (end - start).abs();
         let mut elapsed = 0.0;
         while elapsed < 1.0 {
-            let mut share = smallest.min(1.0 - elapsed);
+            let mut fraction = smallest.min(1.0 - elapsed);
             let at = |elapsed: f64| start + elapsed * (end - start);
-            // a rest that rounding leaves belongs to this sub-step
-            if 1.0 - elapsed - share < 1e-9 {
-                share = 1.0 - elapsed;
+            // a remainder by rounding belongs to this sub-step
+            if 1.0 - elapsed - fraction < 1e-9 {
+                fraction = 1.0 - elapsed;
             }
-            let temperatures = [at(elapsed + 0.5 * share), at(elapsed + share)];
-            share *= self.sub_step(point, temperatures, share * time);
-            elapsed += share;
+            let temperatures = [at(elapsed + 0.5 * fraction), at(elapsed + fraction)];
+            fraction *= self.sub_step(point, temperatures, fraction * time);
+            elapsed += fraction;
         }
     }
 
-    /// One sub-step with the temperatures (K) of its middle and end; the share of its time (s) that it did.
+    /// One sub-step with the temperatures (K) at its middle and end; returns the fraction of its `time` (s) that it covered.
     fn sub_step(&self, point: &mut Microstructure, [middle, end]: [f64; 2], time: f64) -> f64 {
         let mut done = 1.0;
         let formed = self.form_by_diffusion(point, middle, time);
         let total: f64 = formed.iter().sum();
         let several = formed.iter().filter(|f| **f > 0.0).count() > 1;
-        let formed = if several && total > LARGEST_SHARE {
-            done = (LARGEST_SHARE / total).max(1e-3);
+        let formed = if several && total > LARGEST_FRACTION {
+            done = (LARGEST_FRACTION / total).max(1e-3);
             self.form_by_diffusion(point, middle, done * time)
         } else {
             formed
@@ -192,10 +192,10 @@ impl Steel {
         done
     }
 
-    /// Shares of ferrite, pearlite and bainite that form at a temperature (K) over `time` (s).
+    /// Fractions of ferrite, pearlite and bainite that form at a temperature (K) over `time` (s).
     fn form_by_diffusion(&self, point: &Microstructure, temperature: f64, time: f64) -> [f64; 3] {
         let mut formed = [0.0; 3];
-        let austenite = point.share(Constituent::Austenite);
+        let austenite = point.fraction(Constituent::Austenite);
         if austenite <= 0.0 {
             return formed;
         }
@@ -203,7 +203,7 @@ impl Steel {
             let Some(law) = &self.reactions[index] else {
                 continue;
             };
-            let present = point.share(constituent);
+            let present = point.fraction(constituent);
             let available = match constituent {
                 Constituent::Ferrite => (self.most_ferrite(temperature) - present).min(austenite),
                 _ => austenite,
@@ -217,7 +217,7 @@ impl Steel {
         formed
     }
 
-    /// Lets austenite form from all others in proportion.
+    /// Forms austenite from all other constituents in proportion.
     fn austenitise(&self, point: &mut Microstructure, law: &Austenitisation, at: f64, time: f64) {
         let present = *point.austenite();
         let missing = self.equilibrium(law, at) - present;
@@ -231,7 +231,7 @@ impl Steel {
         point.lowest = f64::INFINITY;
     }
 
-    /// Vickers hardness; that of austenite left at room temperature counts as martensite's. `None` without composition.
+    /// Vickers hardness; austenite that remains counts as martensite. `None` without a composition.
     pub fn hardness(&self, point: &Microstructure) -> Option<f64> {
         let [ferrite_pearlite, bainite, martensite] =
             self.composition?.hardness(point.cooling_rate);

@@ -167,19 +167,22 @@ fn of_keys(keys: &str) -> Replay {
     toml::from_str(keys).expect(keys)
 }
 
-/// Six points at x = 0.5, 1.5, 2.5 m and y = 0.5, 1.5 m.
-#[test]
-fn fields_come_from_files_by_time_or_formulas() {
+/// Files `a.csv` and `b.csv` of a temperature that is linear in x and y, at other points than those of the body.
+fn files() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
-    let write = |name: &str, base: f64| {
-        // on a coarser grid of other points
+    for (name, base) in [("a.csv", 300.0), ("b.csv", 500.0)] {
         let corners = [(0.0, 0.0), (3.0, 0.0), (0.0, 2.0), (3.0, 2.0)];
         let line = |(x, y): (f64, f64)| format!("{x},{y},{}\n", base + 10.0 * x - 5.0 * y);
         let text: String = corners.map(line).concat();
         std::fs::write(folder.path().join(name), format!("x,y,T\n{text}")).expect("written");
-    };
-    write("a.csv", 300.0);
-    write("b.csv", 500.0);
+    }
+    folder
+}
+
+/// Six points at x = 0.5, 1.5, 2.5 m and y = 0.5, 1.5 m.
+#[test]
+fn fields_come_from_files_by_time_or_formulas() {
+    let folder = files();
     for (keys, times) in [
         (
             "values.temperature = { time = [0.5, 1.0], file = ['a.csv', 'b.csv'] }",
@@ -224,6 +227,11 @@ fn fields_come_from_files_by_time_or_formulas() {
             }
         }
     }
+}
+
+#[test]
+fn wrong_values_are_refused() {
+    let folder = files();
     for (keys, message) in [
         ("values.temprature = 1", "did you mean `temperature`?"),
         (

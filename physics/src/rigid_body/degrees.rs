@@ -85,17 +85,17 @@ pub struct Sine {
 
 /// Displacement (m) and velocity (m/s) of a degree of freedom, or angle (rad) and its rate (rad/s).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct DegreeState {
     pub displacement: f64,
     pub velocity: f64,
 }
 
 impl Sine {
     /// Displacement `A sin(2 pi f t + phase)` and velocity `2 pi f A cos(2 pi f t + phase)`.
-    fn at(&self, time: f64) -> Place {
+    fn at(&self, time: f64) -> DegreeState {
         let angular_frequency = TAU * self.frequency;
         let (sine, cosine) = (angular_frequency * time + self.phase).sin_cos();
-        Place {
+        DegreeState {
             displacement: self.amplitude * sine,
             velocity: angular_frequency * self.amplitude * cosine,
         }
@@ -103,17 +103,17 @@ impl Sine {
 }
 
 impl Prescribed {
-    /// Place at t = 0. A velocity starts from the displacement that is there.
-    pub(super) fn start(&self, displacement: f64) -> Place {
+    /// State at t = 0. A prescribed velocity starts from the given displacement.
+    pub(super) fn start(&self, displacement: f64) -> DegreeState {
         match self {
-            Prescribed::Displacement(table) => Place {
+            Prescribed::Displacement(table) => DegreeState {
                 displacement: table.at(0.0),
                 velocity: table.next_event(0.0).map_or(0.0, |row| {
                     // linear from 0 to the next row
                     (table.at(row) - table.at(0.0)) / row
                 }),
             },
-            Prescribed::Velocity(table) => Place {
+            Prescribed::Velocity(table) => DegreeState {
                 displacement,
                 velocity: table.at(0.0),
             },
@@ -121,19 +121,19 @@ impl Prescribed {
         }
     }
 
-    /// Place at the end of `step`, from the displacement at its start. Steps end on the rows of tables, so that a
+    /// State at the end of `step`, from the displacement at its start. Steps end on the rows of tables, so that a
     /// table is linear over a step: the velocity of a displacement is its slope, and the displacement of a velocity
     /// is the exact integral.
-    pub(super) fn end(&self, displacement: f64, step: Step) -> Place {
+    pub(super) fn end(&self, displacement: f64, step: Step) -> DegreeState {
         match self {
             Prescribed::Displacement(table) => {
                 let end = table.at(step.end());
-                Place {
+                DegreeState {
                     displacement: end,
                     velocity: (end - table.at(step.start)) / step.size,
                 }
             }
-            Prescribed::Velocity(table) => Place {
+            Prescribed::Velocity(table) => DegreeState {
                 displacement: displacement + step.size * table.at(step.middle()),
                 velocity: table.at(step.end()),
             },
@@ -152,14 +152,14 @@ impl Prescribed {
     }
 }
 
-/// What may happen to one degree of freedom.
+/// Constraint of one degree of freedom.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Freedom {
-    /// Follows the forces.
+    /// Moves by the forces.
     Free,
-    /// Stays where it starts.
+    /// Keeps its initial value.
     Held,
-    /// Follows a prescribed displacement, whatever the forces.
+    /// Follows a prescribed displacement, independent of the forces.
     Driven(Prescribed),
 }
 
@@ -176,7 +176,7 @@ impl Freedom {
     }
 }
 
-/// How a body may turn.
+/// Rotational freedom of a body.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Turning {
     /// In any way (3D).
@@ -196,7 +196,7 @@ pub(super) struct Freedoms {
 }
 
 impl Freedoms {
-    /// From the keys `hold` and `driven` of a body in 2D or 3D.
+    /// Degrees of freedom by the keys `hold` and `driven` of a body in 2D or 3D.
     pub(super) fn new(
         dimension: usize,
         hold: &[Degree],
@@ -397,7 +397,7 @@ mod tests {
         }
     }
 
-    /// Rows of what drives the body are events, whichever degree of freedom it is.
+    /// The rows of the prescribed motions of all degrees of freedom are events.
     #[test]
     fn rows_of_all_degrees_of_freedom_are_events() {
         let rows = |from: u32| format!("{{ time = [{from}, {}], value = [0, 1] }}", from + 2);

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use perimelt_core::body::Points;
 use perimelt_core::solver::reduce::{sum, sum_of, weighted_sum, weighted_vectors};
 
-/// Weights with which a field adds up to its total and its first moment.
+/// Weights of the sums for the total and the first moment of a field.
 #[derive(Debug)]
 pub(super) struct PointWeights {
     weight: Vec<f64>,
@@ -22,7 +22,7 @@ pub(super) struct Resultant {
 }
 
 impl PointWeights {
-    /// From the weights and the arms of all points.
+    /// Weights of all points with their arms.
     pub(super) fn new(dimension: usize, weight: Vec<f64>, arms: &[Vector3<f64>]) -> Self {
         let arm_weight = std::array::from_fn(|axis| match axis < dimension {
             true => weight.iter().zip(arms).map(|(w, a)| w * a[axis]).collect(),
@@ -58,7 +58,7 @@ impl Resultant {
     }
 }
 
-/// What resists acceleration, in the reference configuration.
+/// Mass, centre of mass and inertia in the reference configuration.
 #[derive(Debug)]
 pub(super) struct MassProperties {
     /// kg.
@@ -69,14 +69,14 @@ pub(super) struct MassProperties {
     pub centre: Vector3<f64>,
     /// Arm of each point from the centre of mass, m; without a z component in 2D.
     pub arms: Vec<Vector3<f64>>,
-    /// About the centre of mass, kg m².
+    /// Inertia about the centre of mass, kg m².
     pub inertia: Matrix3<f64>,
-    /// Of the points without their cells, kg m²: what a velocity of the points is fitted with.
+    /// Inertia of the points without their cells, kg m², with which a velocity of the points is fitted.
     pub point_inertia: Matrix3<f64>,
 }
 
 impl MassProperties {
-    /// Of points with the given densities (kg/m³), scaled to the total `mass` (kg) where that is given.
+    /// Properties of points with the given densities (kg/m³), scaled to the total `mass` (kg) if it is given.
     ///
     /// ```text
     /// I = sum_i m_i ((a_i . a_i) 1 - a_i a_i^T + s_i^2 / 6)

@@ -8,11 +8,11 @@
 //! v_i = V + omega x (R a_i)              its velocity, m/s
 //! ```
 //!
-//! A step takes up the sink `impulse` at the positions of its start (`P += J`, `L += sum x_i x j_i`), so that what
-//! another body loses this one gets to rounding, and then integrates `body_force`, springs and dashpots by velocity
-//! Verlet. Free rotation in 3D is a composition of exact rotations that keeps S as it is (`rotation.rs`); in 2D and about
-//! a fixed axis it is an angle. Points are placed by the rigid motion and never integrated one by one: the shape stays
-//! what it was to rounding over any number of steps.
+//! A step adds the sink `impulse` at the positions of its start (`P += J`, `L += sum x_i x j_i`), so that momentum exchanged
+//! with other bodies is conserved to rounding, and then integrates `body_force`, springs and dashpots by velocity
+//! Verlet. Free rotation in 3D is a composition of exact rotations that conserves S (`rotation.rs`); in 2D and about
+//! a fixed axis it is an angle. The positions of points follow from the rigid motion and are not integrated: the
+//! shape is kept to rounding over any number of steps.
 //!
 //! Not for bodies that deform (`mechanical`), and bodies do not collide by themselves.
 
@@ -101,7 +101,7 @@ struct RunningRigidBody {
     state: RigidState,
 }
 
-/// Initial fields that no rigid motion gives.
+/// An initial displacement that is not a rigid motion.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "the initial displacement of rigid body `{body}` is not rigid: point {point} lies {distance:.3e} m beside the \
@@ -115,7 +115,7 @@ struct NotRigid {
 }
 
 impl RunningRigidBody {
-    /// Loads on the body: the resultant of `body_force`, which stays with the points over a step.
+    /// Load on the body: the resultant of `body_force`, which moves with the points during a step.
     fn load(resultant: Option<Resultant>, state: &RigidState) -> Wrench {
         resultant.map_or_else(Wrench::default, |r| Wrench {
             force: r.total,
@@ -198,7 +198,7 @@ impl RigidBody {
         }
         let density = match (setup.world().density_at_points(body), self.mass) {
             (Ok(density), _) => density,
-            // with a mass and no density the body counts as uniform
+            // a body with a mass and no density is uniform
             (Err(_), Some(_)) => vec![1.0; setup.body(body).points.len()],
             (Err(error), None) => return Err(error),
         };
@@ -238,7 +238,7 @@ impl RigidBody {
     }
 }
 
-/// Refuses bodies that cannot move as rigid ones, and boundaries of the displacement without effect.
+/// Refuses bodies that cannot move as rigid bodies, and boundaries of the displacement, which have no effect.
 fn check_body(
     setup: &mut Setup<'_>,
     body: BodyIndex,
@@ -294,7 +294,7 @@ impl Physics for RigidBody {
             mass: properties.mass,
             centre: properties.centre,
             inertia: properties.inertia,
-            // an inertia of the points and their cells is positive; a given one was checked
+            // the inertia of points and cells is positive, and a given inertia was checked
             inverse_inertia: inverse_inertia.unwrap_or_else(Matrix3::zeros),
             principal: PrincipalInertia::new(&properties.inertia),
             freedoms,

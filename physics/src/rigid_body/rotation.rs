@@ -26,7 +26,7 @@ pub(super) struct PrincipalInertia {
 }
 
 impl PrincipalInertia {
-    /// Of a symmetric inertia (kg m²).
+    /// Principal moments and axes of a symmetric inertia (kg m²).
     pub(super) fn new(inertia: &Matrix3<f64>) -> Self {
         let eigen = SymmetricEigen::new(*inertia);
         let mut order = [0, 1, 2];
@@ -43,7 +43,7 @@ impl PrincipalInertia {
     }
 
     /// Orientation after the time `step` (s) without a moment; `spin` is the angular momentum about the centre of
-    /// mass (N m s) in the axes of space, which stays exactly as it is.
+    /// mass (N m s) in the axes of space, which is constant.
     ///
     /// The kinetic energy is split into parts whose flows are exact rotations, composed symmetrically (Fassò 2003,
     /// "Comparison of splitting algorithms for the rigid body", J. Comput. Phys. 189):

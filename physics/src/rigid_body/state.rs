@@ -7,21 +7,21 @@ use serde::{Deserialize, Serialize};
 use super::degrees::{ByDegree, Freedom, Freedoms, Turning};
 use super::rotation::{PrincipalInertia, about, turned_by};
 
-/// What does not change during a run.
+/// Properties of a rigid body that are constant during a run.
 #[derive(Debug)]
 pub(super) struct RigidDynamics {
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
     /// Centre of mass in the reference configuration, m.
     pub centre: Vector3<f64>,
-    /// About the centre of mass in the reference configuration, kg m².
+    /// Inertia about the centre of mass in the reference configuration, kg m².
     pub inertia: Matrix3<f64>,
     pub inverse_inertia: Matrix3<f64>,
     pub principal: PrincipalInertia,
     pub freedoms: Freedoms,
-    /// N/m, rotation N m/rad.
+    /// Springs, N/m (rotation: N m/rad).
     pub spring: ByDegree<f64>,
-    /// N s/m, rotation N m s/rad.
+    /// Dashpots, N s/m (rotation: N m s/rad).
     pub damping: ByDegree<f64>,
 }
 
@@ -39,7 +39,7 @@ pub(super) struct Momenta {
     pub angular: Vector3<f64>,
 }
 
-/// What a restart needs beside the fields.
+/// State of a rigid body that is saved beside the fields.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct RigidState {
     /// Displacement of the centre of mass, m.
@@ -47,12 +47,12 @@ pub(super) struct RigidState {
     pub orientation: UnitQuaternion<f64>,
     /// Rotation about the only axis of rotation, rad; counts full turns. Zero where there is no such axis.
     pub angle: f64,
-    /// N s.
+    /// Momentum, N s.
     pub momentum: Vector3<f64>,
     /// Angular momentum about the centre of mass, N m s; where the body turns about one axis, its component along it.
     pub spin: Vector3<f64>,
     pub initial: Momenta,
-    /// Given from outside since the start: by loads, springs, dashpots and by what holds or drives the body.
+    /// Momenta supplied since the start by loads, springs, dashpots and constraints.
     pub given: Momenta,
     /// Sums of the sizes of all impulses (N s) and angular impulses (N m s) since the start.
     pub exchanged: [f64; 2],
@@ -70,17 +70,17 @@ impl RigidDynamics {
         self.centre + state.displacement
     }
 
-    /// Of the centre of mass, m/s.
+    /// Velocity of the centre of mass, m/s.
     pub(super) fn velocity(&self, state: &RigidState) -> Vector3<f64> {
         state.momentum / self.mass
     }
 
-    /// Moment of inertia about an axis of space through the centre of mass about which the body turns, kg m².
+    /// Moment of inertia about the axis of space through the centre of mass about which the body turns, kg m².
     pub(super) fn inertia_about(&self, axis: usize) -> f64 {
         self.inertia[(axis, axis)]
     }
 
-    /// rad/s.
+    /// Angular velocity, rad/s.
     pub(super) fn angular_velocity(&self, state: &RigidState) -> Vector3<f64> {
         match self.freedoms.turning {
             Turning::Held => Vector3::zeros(),
@@ -93,7 +93,7 @@ impl RigidDynamics {
     }
 
     /// Angular momentum about the centre of mass, N m s. An asymmetric body on a fixed axis also has components
-    /// across the axis, which its bearings give.
+    /// across the axis, which the bearings of the axis exert.
     pub(super) fn spin(&self, state: &RigidState) -> Vector3<f64> {
         match self.freedoms.turning {
             Turning::About(..) if self.freedoms.dimension == 3 => {
@@ -120,14 +120,13 @@ impl RigidDynamics {
         0.5 * (translation + self.spin(state).dot(&self.angular_velocity(state)))
     }
 
-    /// Gives the body an impulse at its centre of mass and an angular impulse about it:
+    /// Applies an impulse at the centre of mass and an angular impulse about it:
     ///
     /// ```text
     /// P += J,   L += x_c x J + M
     /// ```
     ///
-    /// with the angular momentum L about the origin. What acts on held and driven degrees of freedom is taken up by
-    /// whatever holds or drives them.
+    /// with the angular momentum L about the origin. Constraints balance the impulses on held and driven degrees of freedom.
     pub(super) fn kick(&self, state: &mut RigidState, impulse: &Wrench) {
         for axis in (0..3).filter(|&a| self.freedoms.translation[a].is_free()) {
             state.momentum[axis] += impulse.force[axis];
@@ -163,7 +162,7 @@ impl RigidDynamics {
     }
 
     /// Impulse of the load, the springs and the dashpots over the time `half` (s). With the force F, spring
-    /// included, the momentum obeys `P' = F - c P / m`, of which the exact solution for constant F is
+    /// included, the momentum obeys `P' = F - c P / m`, whose exact solution for constant F is
     ///
     /// ```text
     /// P_new - P = (exp(-c h / m) - 1) P + F h (1 - exp(-c h / m)) / (c h / m)
@@ -190,7 +189,7 @@ impl RigidDynamics {
         impulse
     }
 
-    /// Moves the body with the momenta that it has.
+    /// Moves the body with constant momenta.
     fn drift(&self, state: &mut RigidState, step: Step) {
         for (axis, freedom) in self.freedoms.translation.iter().enumerate() {
             match freedom {
@@ -199,9 +198,9 @@ impl RigidDynamics {
                 }
                 Freedom::Held => {}
                 Freedom::Driven(prescribed) => {
-                    let place = prescribed.end(state.displacement[axis], step);
-                    state.displacement[axis] = place.displacement;
-                    state.momentum[axis] = self.mass * place.velocity;
+                    let driven = prescribed.end(state.displacement[axis], step);
+                    state.displacement[axis] = driven.displacement;
+                    state.momentum[axis] = self.mass * driven.velocity;
                 }
             }
         }
@@ -215,9 +214,9 @@ impl RigidDynamics {
             Turning::About(axis, freedom) => {
                 let inertia = self.inertia_about(*axis);
                 if let Freedom::Driven(prescribed) = freedom {
-                    let place = prescribed.end(state.angle, step);
-                    state.angle = place.displacement;
-                    state.spin[*axis] = inertia * place.velocity;
+                    let driven = prescribed.end(state.angle, step);
+                    state.angle = driven.displacement;
+                    state.spin[*axis] = inertia * driven.velocity;
                 } else {
                     state.angle += step.size * state.spin[*axis] / inertia;
                 }
@@ -227,7 +226,7 @@ impl RigidDynamics {
         }
     }
 
-    /// Counts what holds or drives the body as given from outside: what is left of the change since `before`.
+    /// Counts the change of the momenta since `before` by constraints as supplied.
     pub(super) fn account_holder(&self, state: &mut RigidState, before: &Momenta) {
         let after = self.momenta(state);
         for axis in 0..3 {
@@ -240,16 +239,16 @@ impl RigidDynamics {
         }
     }
 
-    /// Makes held and driven degrees of freedom what they are at t = 0, whatever the initial fields say.
+    /// Sets held and driven degrees of freedom to their values at t = 0, independent of the initial fields.
     pub(super) fn constrain_start(&self, state: &mut RigidState) {
         for (axis, freedom) in self.freedoms.translation.iter().enumerate() {
             match freedom {
                 Freedom::Free => {}
                 Freedom::Held => state.momentum[axis] = 0.0,
                 Freedom::Driven(prescribed) => {
-                    let place = prescribed.start(state.displacement[axis]);
-                    state.displacement[axis] = place.displacement;
-                    state.momentum[axis] = self.mass * place.velocity;
+                    let driven = prescribed.start(state.displacement[axis]);
+                    state.displacement[axis] = driven.displacement;
+                    state.momentum[axis] = self.mass * driven.velocity;
                 }
             }
         }
@@ -258,9 +257,9 @@ impl RigidDynamics {
             Turning::Held => state.spin = Vector3::zeros(),
             Turning::About(axis, freedom) => {
                 if let Freedom::Driven(prescribed) = freedom {
-                    let place = prescribed.start(state.angle);
-                    state.angle = place.displacement;
-                    state.spin[*axis] = self.inertia_about(*axis) * place.velocity;
+                    let driven = prescribed.start(state.angle);
+                    state.angle = driven.displacement;
+                    state.spin[*axis] = self.inertia_about(*axis) * driven.velocity;
                 }
                 let along = state.spin[*axis];
                 state.spin = Vector3::zeros();
@@ -311,7 +310,7 @@ impl RigidState {
         Matrix3::identity() + turned_by(&self.orientation)
     }
 
-    /// Means of force and moment since the last logged state, which this one now is.
+    /// Finds the means of force and moment since the last logged state, and starts the next interval.
     pub(super) fn observe(&mut self) {
         if self.elapsed > 0.0 {
             self.mean = Wrench {
@@ -324,10 +323,12 @@ impl RigidState {
     }
 }
 
+/// Force of a spring or dashpot; zero without one.
 fn resisted(coefficient: Option<&f64>, by: f64) -> f64 {
     coefficient.map_or(0.0, |c| c * by)
 }
 
+/// Impulse of a constant force with damping over a `time` (s); see [`RigidDynamics::half_kick`].
 fn damped_impulse(momentum: f64, force: f64, rate: f64, time: f64) -> f64 {
     let decay = rate * time;
     if decay == 0.0 {

@@ -1,4 +1,4 @@
-//! Heat that an Eulerian fluid carries through the points.
+//! Convection of heat through the points of an Eulerian fluid.
 //!
 //! ```text
 //! dh/dt = sum_j (h_i N_ij - H_ij) V_j / rho,   N_ij = w (q_i + q_j) . xi,   H_ij = w (q_i h_i* + q_j h_j*) . xi
@@ -28,9 +28,11 @@ use rayon::prelude::*;
 use crate::advection::{Convection, Laplacian};
 use crate::shape_tensor::{self, CompleteFamily, Completion};
 
-use super::conduction::Matter;
+use super::conduction::{Conduction, Matter};
+use super::growth::HeatState;
+use super::points::ConductingPoints;
 
-/// Least number of points that a thread takes at once.
+/// Least number of points per parallel task.
 const POINTS_PER_TASK: usize = 1024;
 
 /// Mass, and heat, that flow out of a point: `sum_j N_ij V_j` and `sum_j H_ij V_j`, from q and h.
@@ -55,7 +57,7 @@ pub(super) struct WallInFlow {
     bonds: ForeignBonds,
     /// `N_ij V_j` by bond, kg/(m³ s).
     flux: Vec<f64>,
-    /// Sums over the fluid around each point of the wall.
+    /// Sums of weights and weighted values over the fluid around each point of the wall.
     means: Vec<[f64; 2]>,
     /// Mass and heat that flow out of each fluid point at the wall.
     outflow: Vec<[f64; 2]>,
@@ -65,7 +67,8 @@ impl WallInFlow {
     /// A wall for the flow through a body that is summed over `family`; its bonds are those of the reference positions.
     pub(super) fn new(
         setup: &mut Setup<'_>,
-        (body, family): (BodyIndex, &Family),
+        body: BodyIndex,
+        family: &Family,
         wall: Wall,
     ) -> Result<WallInFlow, SetupError> {
         let velocity = setup.read(wall.other, &keys::VELOCITY)?;
@@ -122,7 +125,7 @@ impl WallInFlow {
     }
 }
 
-/// Of a sum of weights and a weighted sum.
+/// Mean from a sum of weights and a weighted sum.
 fn mean([weights, sum]: &[f64; 2]) -> f64 {
     match *weights > 0.0 {
         true => sum / weights,
@@ -135,48 +138,36 @@ fn mean([weights, sum]: &[f64; 2]) -> f64 {
 pub(super) struct CarriedHeat {
     family: Arc<Family>,
     walls: Vec<WallInFlow>,
-    /// `A^-1` by point, 1/m.
+    /// `A^-1` of each point, 1/m.
     inverse_shape: Vec<Matrix3<f64>>,
     /// `2 / a` of a complete family, 1/m.
     laplacian_factor: f64,
     convection: Convection,
     pub(super) velocity: Read<Vector3<f64>>,
-    pub(super) density: Read<f64>,
-    pub(super) mass_flux: Read<Vector3<f64>>,
-    /// At the start of the step, kg/m³ and J/m³.
+    density: Read<f64>,
+    mass_flux: Read<Vector3<f64>>,
+    /// Density at the start of the step, kg/m³.
     start_density: Vec<f64>,
+    /// Enthalpy at the start of the step, J/m³.
     start_enthalpy: Vec<f64>,
     /// `A^-1 m` by slot, one array for each axis.
     flux: Vec<SlotField>,
     temperature: SlotField,
     enthalpy: SlotField,
-    /// W/m³ by point and by slot: `d (T - mean T)` and its Laplacian.
+    /// Laplacian of `d (T - mean T)` at each point, W/m³.
     short_waves: Vec<[f64; 1]>,
+    /// `d (T - mean T)` by slot.
     excess: SlotField,
     rules: Vec<LayerRule>,
     middle_temperature: Vec<f64>,
     middle_enthalpy: Vec<f64>,
     outflow: Vec<[f64; 2]>,
-    /// W/m³.
+    /// Rate of the enthalpy by convection, W/m³.
     rate: Vec<f64>,
     /// Sum of the weights of the Laplacian times the squared spacing.
     laplacian: f64,
     /// Largest wave number of the gradient times the spacing.
     wave_number: f64,
-}
-
-/// State that is carried: fields by point.
-pub(super) struct Carried<'a> {
-    /// m/s.
-    pub(super) velocity: &'a [Vector3<f64>],
-    /// kg/m³.
-    pub(super) density: &'a [f64],
-    /// kg/(m² s).
-    pub(super) mass_flux: &'a [Vector3<f64>],
-    /// K.
-    pub(super) temperature: &'a [f64],
-    /// J/m³.
-    pub(super) enthalpy: &'a [f64],
 }
 
 /// Fields that the heat flow reads from a fluid.
@@ -189,7 +180,8 @@ pub(super) struct FlowFields {
 /// `A^-1` of the families of all points with their bonds to walls, 1/m.
 fn inverse_shapes<const D: usize>(
     points: usize,
-    (family, walls): (&Family, &[WallInFlow]),
+    family: &Family,
+    walls: &[WallInFlow],
     moment: f64,
 ) -> Vec<Matrix3<f64>> {
     let components = &shape_tensor::COMPONENTS[..shape_tensor::components(D)];
@@ -213,9 +205,10 @@ fn inverse_shapes<const D: usize>(
 }
 
 impl CarriedHeat {
-    /// By the flow that is summed over this family of the body and its bonds to walls.
+    /// Convection that is summed over this family of the body and its bonds to walls.
     pub(super) fn new(
-        (body, family): (&Body, Arc<Family>),
+        body: &Body,
+        family: Arc<Family>,
         mut walls: Vec<WallInFlow>,
         convection: Convection,
         fields: FlowFields,
@@ -240,8 +233,8 @@ impl CarriedHeat {
         });
         CarriedHeat {
             inverse_shape: match body.dimension {
-                2 => inverse_shapes::<2>(points, (&family, &walls), moment),
-                _ => inverse_shapes::<3>(points, (&family, &walls), moment),
+                2 => inverse_shapes::<2>(points, &family, &walls, moment),
+                _ => inverse_shapes::<3>(points, &family, &walls, moment),
             },
             laplacian_factor: 2.0 / moment,
             convection,
@@ -267,69 +260,76 @@ impl CarriedHeat {
         }
     }
 
-    /// Takes the state at the start of a step and finds the flux of mass and the decay of short waves;
-    /// `conductivity` is that of a point, W/(m K).
+    /// Copies the state at the start of a step and finds the flux of mass and the decay of short waves.
     pub(super) fn start(
         &mut self,
-        (world, body): (&World, &Body),
-        (matter, carried): (&Matter<'_>, &Carried<'_>),
-        conductivity: impl Fn(usize) -> f64 + Sync,
+        world: &World,
+        body: &Body,
+        matter: &Matter<'_>,
+        conduction: &Conduction,
+        state: &HeatState,
     ) {
+        let density: &[f64] = &world.read(self.density);
+        let mass_flux: &[Vector3<f64>] = &world.read(self.mass_flux);
         self.start_density.clear();
-        self.start_density.extend_from_slice(carried.density);
+        self.start_density.extend_from_slice(density);
         self.start_enthalpy.clear();
-        self.start_enthalpy.extend_from_slice(carried.enthalpy);
+        let enthalpy = world.read::<f64>(state.enthalpy.into());
+        self.start_enthalpy.extend_from_slice(&enthalpy);
         for (axis, slots) in self.flux.iter_mut().enumerate() {
-            let along = |i: usize| {
-                self.inverse_shape[i]
-                    .row(axis)
-                    .tr_dot(&carried.mass_flux[i])
-            };
+            let along = |i: usize| self.inverse_shape[i].row(axis).tr_dot(&mass_flux[i]);
             slots.load(&self.family, along, Mirrored::Vector(axis));
         }
         let inverse = &self.inverse_shape;
         for wall in &mut self.walls {
             let velocity = world.read(wall.velocity);
             wall.find_flux(&velocity, |i, v, xi| {
-                let relative = carried.mass_flux[i] - carried.density[i] * v;
+                let relative = mass_flux[i] - density[i] * v;
                 (inverse[i] * relative).dot(&Vector3::from(*xi))
             });
         }
-        self.find_short_waves(body, (matter, carried), conductivity);
+        let points = ConductingPoints {
+            conduction,
+            curves: matter.curves,
+            material: matter.material,
+            temperature: &world.read(state.temperature.into()),
+        };
+        self.find_short_waves(body, matter, &points, &world.read(self.velocity));
     }
 
     /// Finds the decay of short waves of the temperature.
     fn find_short_waves(
         &mut self,
         body: &Body,
-        (matter, carried): (&Matter<'_>, &Carried<'_>),
-        conductivity: impl Fn(usize) -> f64 + Sync,
+        matter: &Matter<'_>,
+        points: &ConductingPoints<'_>,
+        velocity: &[Vector3<f64>],
     ) {
         let (convection, laplacian) = (self.convection, self.laplacian);
-        // (J/(m³ K)) m⁴/s
+        // diffusivity by which short waves decay, (J/(m³ K)) m⁴/s
         let missing = |i: usize| {
             let curve = &matter.curves[matter.material[i] as usize];
-            let capacity = curve.capacity(carried.temperature[i]);
+            let capacity = curve.capacity(points.temperature[i]);
             let spacing = body.points.spacing[i];
-            let flow = (carried.velocity[i].norm(), spacing);
+            let speed = velocity[i].norm();
             let sum = laplacian / (spacing * spacing);
-            let given = conductivity(i) / capacity;
-            capacity * convection.missing_diffusivity(flow, sum, given) / sum
+            let given = points.conductivity(i) / capacity;
+            capacity * convection.missing_diffusivity(speed, spacing, sum, given) / sum
         };
-        let points = (0..carried.density.len()).into_par_iter();
-        let points = points.with_min_len(POINTS_PER_TASK);
-        points.map(missing).collect_into_vec(&mut self.rate);
+        let all = (0..velocity.len()).into_par_iter();
+        let all = all.with_min_len(POINTS_PER_TASK);
+        all.map(missing).collect_into_vec(&mut self.rate);
         self.short_waves.clear();
         if self.rate.iter().all(|missing| *missing == 0.0) {
             return;
         }
-        self.short_waves.resize(carried.density.len(), [0.0]);
+        self.short_waves.resize(velocity.len(), [0.0]);
         let kernel = Laplacian {
             laplacian: self.laplacian_factor,
         };
         let ghosts = ByRules(matter.rules, 0);
         self.temperature
-            .load(&self.family, carried.temperature, ghosts);
+            .load(&self.family, points.temperature, ghosts);
         self.family
             .sum(&kernel, [&self.temperature], &mut self.short_waves);
         self.rules.clear();
@@ -342,7 +342,7 @@ impl CarriedHeat {
             .sum(&kernel, [&self.excess], &mut self.short_waves);
     }
 
-    /// Adds what the flow carries in a step (s) to the rates of the enthalpy by conduction and sources, W/m³.
+    /// Adds convection in a step (s) to the rates of the enthalpy by conduction and sources, W/m³.
     pub(super) fn add(&mut self, matter: &Matter<'_>, dt: f64, rates: &mut [[f64; 1]]) {
         let points = rates.par_iter_mut().zip(&self.short_waves);
         let points = points.with_min_len(POINTS_PER_TASK);
@@ -355,14 +355,14 @@ impl CarriedHeat {
         points.map(at).collect_into_vec(&mut temperature);
         enthalpy.clear();
         enthalpy.extend_from_slice(&self.start_enthalpy);
-        self.find(matter, &temperature, &enthalpy);
+        self.find_rate(matter, &temperature, &enthalpy);
         let points = enthalpy.par_iter_mut().zip(&*rates).zip(&self.rate);
         let points = points.with_min_len(POINTS_PER_TASK);
         points.for_each(|((h, [others]), carried)| *h += 0.5 * dt * (others + carried));
         let points = enthalpy.par_iter().zip(matter.material);
         let points = points.with_min_len(POINTS_PER_TASK);
         points.map(at).collect_into_vec(&mut temperature);
-        self.find(matter, &temperature, &enthalpy);
+        self.find_rate(matter, &temperature, &enthalpy);
         let points = rates.par_iter_mut().zip(&self.rate);
         let points = points.with_min_len(POINTS_PER_TASK);
         points.for_each(|([rate], carried)| *rate += carried);
@@ -370,7 +370,7 @@ impl CarriedHeat {
     }
 
     /// Finds the rate by the flux of this enthalpy.
-    fn find(&mut self, matter: &Matter<'_>, temperature: &[f64], enthalpy: &[f64]) {
+    fn find_rate(&mut self, matter: &Matter<'_>, temperature: &[f64], enthalpy: &[f64]) {
         self.load(matter, temperature, enthalpy);
         match &self.flux[..] {
             [x, y] => {
@@ -408,13 +408,13 @@ impl CarriedHeat {
     }
 
     /// Largest stable explicit step (s) at a point of this spacing (m), for the largest speed (m/s): diffusion is
-    /// monotone, and a step carries waves by less than half of what makes them grow.
+    /// monotone, and waves travel less than half of the distance per step at which they grow.
     pub(super) fn stable_step(&self, at: Diffusion, speed: f64, spacing: f64) -> f64 {
         let sum = self.laplacian / (spacing * spacing);
         let given = at.conductivity / at.capacity;
         let missing = self
             .convection
-            .missing_diffusivity((speed, spacing), sum, given);
+            .missing_diffusivity(speed, spacing, sum, given);
         let wave_number = self.wave_number / spacing;
         1.0 / (at.row_sum / at.capacity + 2.0 * missing * sum + 2.0 * wave_number * speed)
     }

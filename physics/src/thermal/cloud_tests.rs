@@ -25,7 +25,7 @@ fn body_of_two_spacings() -> Body {
     Body::fill_zones("plate", &shape, 2, 0.1, &zones).expect("valid zones")
 }
 
-/// That plate, its points displaced by up to a tenth of the spacing.
+/// The plate with its points displaced by up to a tenth of the spacing.
 fn plate(keys: &str) -> Simulation {
     let jitter = Jitter {
         amplitude: 0.1,

@@ -7,22 +7,30 @@
 //! Errors are counted as temperatures, so that an error of the enthalpy of a point that melts counts little, and relative to
 //! the difference of temperature that the body has had so far, or to its highest temperature where that is lower.
 
-use perimelt_core::Work;
 use perimelt_core::solver::{Implicit, Rkl2, SolverError};
+use perimelt_core::{Step, Work};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::conduction::Matter;
 use super::rates::EnthalpyRate;
 
-/// Part of the step with an error of one tolerance that is tried.
+/// Safety factor of the step with an error of one tolerance.
 const SAFETY: f64 = 0.9;
 
 /// Least and largest ratio of a step to the one before it.
 const RATIOS: [f64; 2] = [0.1, 5.0];
 
-/// Differences of temperature below this part of the highest one count as this: errors are of the size of rounding there.
+/// Least difference of temperature over the highest temperature by which errors are scaled; below it they are rounding.
 const LEAST_DIFFERENCE: f64 = 1e-6;
+
+/// A step, and the stable step of forward Euler.
+#[derive(Clone, Copy)]
+pub(super) struct LimitedStep {
+    pub(super) step: Step,
+    /// Stable step of forward Euler, s.
+    pub(super) stable: f64,
+}
 
 /// A method of one step that estimates its error.
 #[derive(Debug)]
@@ -40,14 +48,16 @@ impl Method {
         }
     }
 
-    /// Advances `state` from `start` over `size` (s) and estimates the error of it.
+    /// Advances `state` over a step and estimates its error.
     fn step(
         &mut self,
         rate: &mut EnthalpyRate<'_>,
-        (start, size, stable): (f64, f64, f64),
+        step: LimitedStep,
         vectors: &mut [Vec<f64>; 2],
         state: &mut [f64],
     ) -> Result<Work, SolverError> {
+        let LimitedStep { step, stable } = step;
+        let (start, size) = (step.start, step.size);
         let [before, error] = vectors;
         match self {
             Method::Rkl2(method) => {
@@ -66,7 +76,7 @@ impl Method {
     }
 }
 
-/// What the size of the next step depends on, saved with checkpoints.
+/// State of the step control, saved with checkpoints.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct StepControl {
     /// Size to be tried next, s.
@@ -82,7 +92,7 @@ impl StepControl {
     }
 }
 
-/// Temperatures and errors of a state.
+/// Extreme temperatures and the largest error of a state.
 #[derive(Clone, Copy)]
 struct Measure {
     lowest: f64,
@@ -101,7 +111,7 @@ pub(super) struct ControlledSteps {
 }
 
 impl ControlledSteps {
-    /// Of an error of each step relative to the difference of temperature.
+    /// Steps with this tolerance of the error, relative to the difference of temperature.
     pub(super) fn new(tolerance: f64) -> Self {
         ControlledSteps {
             tolerance,
@@ -110,16 +120,17 @@ impl ControlledSteps {
         }
     }
 
-    /// Advances `state`, enthalpies and the heat supplied, from `start` over `size` (s). `stable` is the stable step of forward
-    /// Euler (s); points for which `counts` is false have no state.
+    /// Advances `state`, enthalpies and the heat supplied, over a step. Points for which `counts` is false have no state.
     pub(super) fn cover(
         &mut self,
         method: &mut Method,
         rate: &mut EnthalpyRate<'_>,
-        (start, size, stable): (f64, f64, f64),
+        whole: LimitedStep,
         state: &mut [f64],
         counts: impl Fn(usize) -> bool + Sync,
     ) -> Result<Work, SolverError> {
+        let LimitedStep { step, stable } = whole;
+        let (start, size) = (step.start, step.size);
         let matter = rate.0.matter;
         let exponent = -1.0 / (method.order() + 1.0);
         for vector in &mut self.vectors {
@@ -142,7 +153,10 @@ impl ControlledSteps {
                 _ => wanted,
             };
             self.vectors[0].copy_from_slice(state);
-            let at = (start + done, step, stable);
+            let at = LimitedStep {
+                step: Step::new(start + done, step),
+                stable,
+            };
             let is_short = step <= stable * (1.0 + 1e-9);
             match method.step(rate, at, &mut self.vectors, state) {
                 Ok(taken) => work = work + taken,
@@ -160,7 +174,7 @@ impl ControlledSteps {
             let scale = difference.max(LEAST_DIFFERENCE * now.highest.abs());
             let error = now.error / (self.tolerance * scale);
             let [least, most] = RATIOS;
-            // without an error and a scale 0 / 0
+            // `error` is 0 / 0 without an error and a scale
             let ratio = (SAFETY * error.powf(exponent)).min(most).max(least);
             if error > 1.0 && !is_short {
                 state.copy_from_slice(&self.vectors[0]);
@@ -168,7 +182,7 @@ impl ControlledSteps {
                 continue;
             }
             let next = (ratio * step).max(stable);
-            // a step cut short tells nothing about longer ones
+            // the error of a shortened step gives no reason to shorten the next one
             self.control.next = Some(if step < wanted {
                 next.max(wanted)
             } else {
@@ -181,7 +195,7 @@ impl ControlledSteps {
     }
 }
 
-/// Temperatures of the points that count, and their errors from those of the enthalpy.
+/// Temperatures of the points that count, and their errors from errors of the enthalpy.
 fn measure(
     matter: Matter<'_>,
     enthalpy: &[f64],

@@ -36,13 +36,13 @@ impl HeatedFace {
         !self.cells.is_empty()
     }
 
-    /// Finds the heat that enters by the slope of a parabola through the wall and the two points before it;
-    /// `conductivity` is that of a point, W/(m K). The state consists of the temperatures (K) and of whether there is
-    /// material at a point.
+    /// Finds the heat that enters by the slope of a parabola through the wall and the two points before it, from the
+    /// temperatures (K) and the `conductivity` of points (W/(m K)). `has_material` tells which points exist.
     pub(super) fn measure(
         &mut self,
         rule: &LayerRule,
-        (temperature, is_there): (&[f64], impl Fn(usize) -> bool),
+        temperature: &[f64],
+        has_material: impl Fn(usize) -> bool,
         conductivity: impl Fn(usize) -> f64,
         spacing: &[f64],
     ) {
@@ -56,7 +56,7 @@ impl HeatedFace {
         (self.inflow, self.flux) = (0.0, [f64::INFINITY, f64::NEG_INFINITY]);
         for &(first, next, area) in &self.cells {
             let [first, next] = [first, next].map(|p| p as usize);
-            if !(is_there(first) && is_there(next)) {
+            if !(has_material(first) && has_material(next)) {
                 continue;
             }
             let slope = (3.0 * temperature[first] - (temperature[next] + 8.0 * wall) / 3.0)

@@ -321,7 +321,7 @@ fn friction_of_a_fluid_that_shrinks_refers_to_its_volume_at_the_start() {
     );
 }
 
-/// As the coupler `viscous_heat`, which this crate does not know.
+/// Viscous heating as by the coupler `viscous_heat`, which is not available in this crate.
 #[derive(Debug, Default, serde::Serialize, serde::Deserialize)]
 struct WorkToHeat {
     #[serde(skip)]

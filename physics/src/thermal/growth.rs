@@ -1,8 +1,8 @@
-//! Heat of a body that grows: births of points, and the heat and mass that come with them, and go with what is cut off.
+//! Heat of a body that grows: births of points, and the heat and mass that deposition adds and cutting removes.
 //!
-//! A coupler makes points active ([`perimelt_core::world::activity`]). A point is *born* when this physics takes it up: it gets the
-//! temperature at which its material is deposited and the enthalpy that belongs to it, which the account of the heat
-//! counts as supplied. Points that are not born have no bonds, take up no heat, and do not count in the balances.
+//! A coupler makes points active ([`perimelt_core::world::activity`]). A point is *born* when this physics includes it: it gets the
+//! temperature at which its material is deposited and the enthalpy at that temperature, which the account of the heat
+//! counts as supplied. Points that are not born have no bonds and no heat sources, and do not count in the balances.
 
 use std::borrow::Cow;
 
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::run::HeatAccount;
 
-/// What a body that grows has, beyond one that does not.
+/// State of thermal points that are added or cut off.
 #[derive(Debug)]
 pub(super) struct Growth {
     body: BodyIndex,
@@ -22,18 +22,18 @@ pub(super) struct Growth {
     /// Mass of each point, kg.
     mass: Vec<f64>,
     pub(super) state: Born,
-    /// Version of the family whose sums over bonds are known.
+    /// Version of the family for which the sums over bonds were found.
     pub(super) row_sums_of: Option<u64>,
 }
 
-/// Which points are born, and what was deposited with them less what was cut off.
+/// Points that are born, with the heat and mass that were deposited less those cut off.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Born {
-    /// By point.
+    /// Whether each point is born.
     born: Vec<bool>,
-    /// J.
+    /// Heat, J.
     heat: f64,
-    /// At the start, then of all points born since, kg.
+    /// Mass at the start, and mass added since, kg.
     mass: [f64; 2],
 }
 
@@ -60,7 +60,7 @@ impl Growth {
         })
     }
 
-    /// The points that have material at the start.
+    /// Marks points that have material at the start as born.
     pub(super) fn start(&mut self, world: &World) {
         let active = world.activity(self.body);
         let active = active.map_or_else(Vec::new, |a| a.iter().map(|v| is_active(*v)).collect());
@@ -86,24 +86,25 @@ impl Growth {
         perimelt_core::solver::reduce::weighted_sum(values, &self.weights())
     }
 
-    /// 1 for each point that is born, else 0.
+    /// 1 for each point that is born, 0 otherwise.
     fn weights(&self) -> Vec<f64> {
         let born = self.state.born.iter();
         born.map(|b| f64::from(u8::from(*b))).collect()
     }
 
-    /// Volumes of the points that are born, else 0, m³.
+    /// Volumes of the points, zero where they are not born, m³.
     pub(super) fn volumes(&self, volume: &[f64]) -> Vec<f64> {
         let points = self.state.born.iter().zip(volume);
         points.map(|(b, v)| if *b { *v } else { 0.0 }).collect()
     }
 
-    /// Lets active points be born and others go. Whether any did.
+    /// Marks active points as born and others as removed; returns whether any point changed.
     pub(super) fn take_births(
         &mut self,
         world: &World,
         curves: &[EnthalpyCurve],
-        (state, account): (&HeatState, &mut HeatAccount),
+        state: &HeatState,
+        account: &mut HeatAccount,
     ) -> bool {
         let Some(active) = world.activity(self.body) else {
             return false;
@@ -142,7 +143,7 @@ impl Growth {
         true
     }
 
-    /// A sink, zero at points that are not born.
+    /// Values of a consumed field, zero at points that are not born.
     pub(super) fn masked<'a>(&self, values: &'a [f64]) -> Cow<'a, [f64]> {
         let points = values.iter().zip(&self.state.born);
         let idle = |(v, born): (&f64, &bool)| *born || *v == 0.0;

@@ -144,7 +144,7 @@ fn heat_and_mass_of_births_are_balanced_with_every_solver() {
             (deposited / of_birth - 1.0).abs() < 1e-9,
             "{deposited} {of_birth}"
         );
-        // points without material took up none of the heat
+        // points without material received no heat
         let most = of_birth + 1e7 * 0.5 * volume;
         assert!(balances[0].supplied < most && balances[0].supplied > of_birth);
     }

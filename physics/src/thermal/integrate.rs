@@ -1,5 +1,7 @@
 //! Steps of the heat equation in time.
 
+use std::borrow::Cow;
+
 use perimelt_core::solver::reduce::{norm, weighted_sum};
 use perimelt_core::solver::{
     Implicit, KrylovMethod, Newton, NewtonOptions, Rkl2, SolverError, steady_state,
@@ -8,12 +10,13 @@ use perimelt_core::world::refinement::Level;
 use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 
-use super::below::Below;
-use super::carried::Carried;
 use super::conduction::Matter;
-use super::control::{ControlledSteps, Method, StepControl};
+use super::control::{ControlledSteps, LimitedStep, Method, StepControl};
+use super::growth::Growth;
 use super::keys::{Thermal, ThermalSolver};
-use super::rates::{CurrentVolumes, Drawn, EnthalpyRate, Flow, TemperatureRate, Vectors};
+use super::rates::{
+    BodyExchange, CurrentVolumes, EnthalpyRate, HeatFlow, TemperatureRate, Vectors,
+};
 use super::refined::Refined;
 use super::run::{HeatAccount, RunningThermal};
 
@@ -75,28 +78,28 @@ impl Integrator {
         self.row_sums = row_sums;
     }
 
-    /// What [`Integrator::set_row_sums`] set; empty before.
+    /// Sums set by [`Integrator::set_row_sums`]; empty before.
     pub(super) fn row_sums(&self) -> &[[f64; 1]] {
         &self.row_sums
     }
 
-    /// The same, to change.
+    /// Mutable access to [`Integrator::row_sums`].
     pub(super) fn row_sums_mut(&mut self) -> &mut Vec<[f64; 1]> {
         &mut self.row_sums
     }
 
-    /// The step that keeps the error in time next, s; `None` for solvers without one.
+    /// The next step by the error in time, s; `None` for solvers without an error estimate.
     pub(super) fn next_step(&self) -> Option<f64> {
         let is_controlled = matches!(self.solver, Solver::Controlled(_));
         is_controlled.then(|| self.controlled.control.next(self.stable_step))
     }
 
-    /// Control of the sizes of steps.
+    /// State of the step control.
     pub(super) fn control(&self) -> StepControl {
         self.controlled.control
     }
 
-    /// Takes up a control that was saved.
+    /// Restores a saved step control.
     pub(super) fn set_control(&mut self, control: StepControl) {
         self.controlled.control = control;
     }
@@ -107,7 +110,7 @@ impl Integrator {
     }
 }
 
-/// Fields of the heat during a step, and their account.
+/// Fields of the heat during a step, and the heat balance.
 struct Fields<'a> {
     temperature: &'a mut [f64],
     enthalpy: &'a mut [f64],
@@ -115,12 +118,12 @@ struct Fields<'a> {
 }
 
 impl Fields<'_> {
-    /// Takes equal steps of forward Euler that cover `size` (s); `refined`: of a body that has a window of finer points or
-    /// is one.
+    /// Takes equal steps of forward Euler over a time of `size` (s), with the exchange between a coarse body and its window.
     fn advance_explicitly(
         self,
-        mut flow: Flow<'_>,
-        (size, steps): (f64, usize),
+        mut flow: HeatFlow<'_>,
+        size: f64,
+        steps: usize,
         mut refined: Option<(&mut Refined, &World)>,
     ) -> Work {
         let dt = size / steps as f64;
@@ -146,12 +149,14 @@ impl Fields<'_> {
         Work::of_stages(steps)
     }
 
-    /// Finds the steady state at a time, s; `floating` where nothing holds the level of the temperature.
+    /// Finds the steady state at a time, s; `floating`: no boundary fixes the temperature.
     fn find_steady_state(
         self,
-        (newton, tolerance): (&mut Newton, f64),
-        mut flow: Flow<'_>,
-        (time, floating): (f64, bool),
+        newton: &mut Newton,
+        tolerance: f64,
+        mut flow: HeatFlow<'_>,
+        time: f64,
+        floating: bool,
     ) -> Result<Work, SolverError> {
         let surface = flow.surface.as_ref();
         let is_linear = surface.is_none_or(|surface| surface.is_linear());
@@ -169,17 +174,17 @@ impl Fields<'_> {
         let points = self.enthalpy.iter_mut().zip(&*self.temperature);
         let points = points.zip(matter.material);
         points.for_each(|((h, t), &m)| *h = matter.curves[m as usize].enthalpy(*t));
-        // states that a common steady state of several bodies went through leave no trace
+        // the balance counts the steady state only, not the states that the iteration of several bodies passed
         let stored = weighted_sum(self.enthalpy, volume);
         let account = self.account;
         account.supply(stored - account.initial - account.supplied);
         Ok(report.into())
     }
 
-    /// Advances the enthalpies together with the heat supplied by steps of a method that keep the tolerance.
+    /// Advances the enthalpies and the heat supplied by controlled steps of a method.
     fn advance_enthalpy(
         self,
-        flow: Flow<'_>,
+        flow: HeatFlow<'_>,
         state: &mut Vec<f64>,
         take: impl FnOnce(&mut EnthalpyRate<'_>, &mut [f64]) -> Result<Work, SolverError>,
     ) -> Result<Work, SolverError> {
@@ -198,17 +203,31 @@ impl Fields<'_> {
     }
 }
 
+/// Number of explicit steps in a step of a growing body: deposited points may have shortened the stable step since the
+/// step was chosen.
+fn explicit_steps(size: f64, stable_step: f64) -> usize {
+    (size / stable_step * (1.0 - 1e-9)).ceil().max(1.0) as usize
+}
+
+/// A consumed field, zero at points of a growing body that are not born.
+fn masked<'a>(growth: Option<&Growth>, values: Option<&'a [f64]>) -> Option<Cow<'a, [f64]>> {
+    values.map(|values| growth.map_or(Cow::Borrowed(values), |g| g.masked(values)))
+}
+
 impl RunningThermal {
     /// Advances temperature and enthalpy over `step`.
     pub(super) fn integrate(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
+        self.start_step(world);
         let work = self.take_step(world, step)?;
         if let Some(refined) = &self.refined {
-            refined.cover(world, (self.temperature, self.enthalpy), &self.curves);
+            refined.cover(world, self.temperature, self.enthalpy, &self.curves);
         }
         Ok(work)
     }
 
-    fn take_step(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
+    /// Updates points, boundaries, conductivities and the position of the window at the start of a step.
+    fn start_step(&mut self, world: &World) {
+        self.integrator.vectors.start_step();
         self.take_births(world);
         self.hold_temperatures(world);
         self.follow_interfaces(world);
@@ -216,11 +235,20 @@ impl RunningThermal {
         if let Some(consolidated) = self.consolidated {
             self.conduction.consolidate(&world.read(consolidated));
         }
-        if let Some((conductivity, fraction)) = &self.austenite
-            && let Some(fraction) = world.read_if_provided(*fraction)
+        if let Some(austenite) = &self.austenite
+            && let Some(fraction) = world.read_if_provided(austenite.fraction)
         {
-            self.conduction.set_austenite(conductivity, &fraction);
+            self.conduction
+                .set_austenite(&austenite.conductivity, &fraction);
         }
+        if let Some(refined) = &mut self.refined {
+            let family = world.family(self.family);
+            refined.follow(world, &family, &mut self.conduction);
+        }
+    }
+
+    /// Advances temperature and enthalpy by the solver.
+    fn take_step(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         let rules = world.layer_rules(self.layers);
         let body = world.body(self.body);
         let source = self.heat_source.map(|s| world.read(s));
@@ -229,15 +257,12 @@ impl RunningThermal {
         let conductance = conductance.map(|c| world.read(c));
         let constraint = self.constraint.map(|c| world.read(c));
         let growth = self.growth.as_ref();
-        let masked = |values: &'_ [f64]| growth.map(|g| g.masked(values).into_owned());
-        let source_there = source.as_deref().and_then(masked);
-        let constraint_there = constraint.as_deref().and_then(masked);
+        let source = masked(growth, source.as_deref());
+        let constraint = masked(growth, constraint.as_deref());
         let family = world.family(self.family);
         let ratios = self.volume_ratios(world);
         let configuration = ratios.as_ref().map(|_| world.configuration(self.body));
-        if let Some(refined) = &mut self.refined {
-            refined.follow(world, &family, &mut self.conduction);
-        }
+        let heat_state = self.heat_state();
         let matter = Matter {
             family: &family,
             rules: &rules,
@@ -245,22 +270,7 @@ impl RunningThermal {
             curves: &self.curves,
         };
         if let Some(carried) = &mut self.carried {
-            let temperature = world.read::<f64>(self.temperature.into());
-            let state = Carried {
-                velocity: &world.read(carried.velocity),
-                density: &world.read(carried.density),
-                mass_flux: &world.read(carried.mass_flux),
-                temperature: &temperature,
-                enthalpy: &world.read(self.enthalpy.into()),
-            };
-            let points = Below {
-                conduction: &self.conduction,
-                curves: &self.curves,
-                material: matter.material,
-                temperature: &temperature,
-            };
-            let conductivity = |point: usize| points.conductivity(point);
-            carried.start((world, body), (&matter, &state), conductivity);
+            carried.start(world, body, &matter, &self.conduction, &heat_state);
         }
         let current = configuration.as_ref().zip(ratios.as_ref());
         let current = current.map(|(now, ratio)| CurrentVolumes {
@@ -275,23 +285,22 @@ impl RunningThermal {
             controlled,
             vectors,
         } = &mut self.integrator;
-        vectors.start_step();
-        // a plate takes up its heat where the window does not cover it
+        // heat sources act on the points of a coarse body that the window does not cover
         let uncovered = self.refined.as_ref().and_then(Refined::uncovered);
-        let flow = Flow {
+        let flow = HeatFlow {
             conduction: &mut self.conduction,
             matter,
             volume: uncovered.as_deref().unwrap_or(&body.points.volume),
             is_weighted: body.lattice().is_none() || current.is_some(),
             current,
-            source: source_there.as_deref().or(source.as_deref()),
+            source: source.as_deref(),
             surface: self.surface.as_mut(),
-            drawn: conductance.as_deref().map(|conductance| Drawn {
+            exchanged: conductance.as_deref().map(|conductance| BodyExchange {
                 conductance,
                 temperature: world.read::<f64>(self.temperature.into()).to_vec(),
             }),
             carried: self.carried.as_mut().map(|c| (c, step.size)),
-            constraint: constraint_there.as_deref().or(constraint.as_deref()),
+            constraint: constraint.as_deref(),
             row_sums,
             vectors,
         };
@@ -300,32 +309,27 @@ impl RunningThermal {
             enthalpy: &mut world.write(self.enthalpy),
             account: &mut self.heat,
         };
-        let (start, size) = (step.start, step.size);
         match solver {
             Solver::Explicit => {
-                // deposited points may have shortened the stable step since this one was chosen
-                let steps = match growth {
-                    Some(_) => (size / *stable_step * (1.0 - 1e-9)).ceil().max(1.0) as usize,
-                    None => 1,
-                };
+                let steps = growth.map_or(1, |_| explicit_steps(step.size, *stable_step));
                 let refined = self.refined.as_mut().map(|r| (r, world));
-                Ok(fields.advance_explicitly(flow, (size, steps), refined))
+                Ok(fields.advance_explicitly(flow, step.size, steps, refined))
             }
             Solver::Steady(newton, tolerance) => {
-                let at = (step.end(), self.floating);
-                fields.find_steady_state((newton, *tolerance), flow, at)
+                fields.find_steady_state(newton, *tolerance, flow, step.end(), self.floating)
             }
             Solver::Controlled(method) => {
                 let has_material = |point: usize| growth.is_none_or(|g| g.is_born(point));
                 fields.advance_enthalpy(flow, state, |rate, state| {
-                    let span = (start, size, *stable_step);
-                    controlled.cover(method, rate, span, state, has_material)
+                    let stable = *stable_step;
+                    let step = LimitedStep { step, stable };
+                    controlled.cover(method, rate, step, state, has_material)
                 })
             }
         }
     }
 
-    /// Sets the temperatures that boundaries hold.
+    /// Sets the temperatures that boundaries prescribe.
     fn hold_temperatures(&mut self, world: &World) {
         let (Some(constraint), Some(held)) = (self.constraint, self.held) else {
             return;
@@ -335,7 +339,7 @@ impl RunningThermal {
         let mut enthalpy = world.write(self.enthalpy);
         let volume = &world.body(self.body).points.volume;
         let material = &world.body(self.body).material_of_point;
-        // the heat of covered points is that of the window
+        // covered points of a coarse body do not count; their heat belongs to the window
         let plate = world.refinement(self.body);
         let plate = plate.filter(|(_, level)| *level == Level::Plate);
         let counts = |point: usize| plate.is_none_or(|(r, _)| !r.covers(r.plate_cell(point)));

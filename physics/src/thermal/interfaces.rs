@@ -12,8 +12,8 @@
 //! for every horizon. With a horizon of one spacing `k_ij` is the harmonic mean. The mean of the ends, `(k_i + k_j) / 2`,
 //! counts too little resistance, by about a horizon of the poorer conductor.
 //!
-//! Along an interface, bonds that cross it conduct less than the materials side by side, in a layer of one horizon. Bonds that
-//! cross a layer thinner than the horizon do not see it.
+//! Parallel to an interface, in a layer of one horizon, bonds that cross it conduct less than the materials in parallel. The
+//! resistance of a layer thinner than the horizon is neglected by bonds that cross it.
 
 use perimelt_core::family::Mirrored;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
@@ -68,9 +68,9 @@ impl BondKernel<2, 1> for RowSumAcross {
     }
 }
 
-/// What the points of a body are.
+/// Materials and spacings of the points of a body.
 #[derive(Clone, Copy)]
-pub(super) struct Points<'a> {
+pub(super) struct MaterialPoints<'a> {
     pub(super) material: &'a [u16],
     /// m.
     pub(super) spacing: &'a [f64],
@@ -79,7 +79,7 @@ pub(super) struct Points<'a> {
 /// Distances of points from interfaces.
 #[derive(Debug)]
 pub(super) struct Interfaces {
-    /// By point, m; one where no bond leads to another material.
+    /// Distance of each point, m; one where no bond leads to another material.
     distance: Vec<f64>,
     slots: SlotField,
 }
@@ -92,16 +92,21 @@ impl Interfaces {
         }
     }
 
-    /// Finds all distances anew.
-    pub(super) fn find(&mut self, family: &Family, points: Points<'_>) {
+    /// Finds the distances of all points.
+    pub(super) fn find(&mut self, family: &Family, points: MaterialPoints<'_>) {
         let point_in = family.points_of_slots();
         let at = |slot: usize| point_in.get(slot).map(|p| *p as usize);
         let all = self.distance.par_iter_mut().enumerate();
         all.for_each(|(point, d)| *d = distance(family, points, point, at));
     }
 
-    /// Finds the distances of some points anew, in a family that grows.
-    pub(super) fn find_some(&mut self, family: &Family, points: Points<'_>, changed: &[u32]) {
+    /// Finds the distances of the `changed` points of a growing family.
+    pub(super) fn find_some(
+        &mut self,
+        family: &Family,
+        points: MaterialPoints<'_>,
+        changed: &[u32],
+    ) {
         for &point in changed {
             let at = |slot| family.mirrored_point(slot);
             self.distance[point as usize] = distance(family, points, point as usize, at);
@@ -112,13 +117,13 @@ impl Interfaces {
         self.distance[point]
     }
 
-    /// Fills the slots; behind faces are mirror images.
+    /// Copies the distances to slots; layer points have those of the points that they mirror.
     pub(super) fn load(&mut self, family: &Family) {
         self.slots
             .load(family, &self.distance[..], Mirrored::Scalar);
     }
 
-    /// By slot, m, as loaded.
+    /// Distances by slot as last loaded, m.
     pub(super) fn slots(&self) -> &[f64] {
         &self.slots
     }
@@ -126,7 +131,7 @@ impl Interfaces {
 
 fn distance(
     family: &Family,
-    Points { material, spacing }: Points<'_>,
+    MaterialPoints { material, spacing }: MaterialPoints<'_>,
     point: usize,
     point_in: impl Fn(usize) -> Option<usize>,
 ) -> f64 {

@@ -30,7 +30,10 @@ pub struct Thermal {
     /// Of the ordinary form, 0 to 1: how strongly temperatures are drawn to the mean gradient of their family. With 1 a
     /// complete calibrated family conducts as in the form of bonds; with 0 nothing removes temperatures that
     /// alternate from point to point.
-    #[serde(default = "whole", skip_serializing_if = "is_whole")]
+    #[serde(
+        default = "default_stabilisation",
+        skip_serializing_if = "is_default_stabilisation"
+    )]
     #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub stabilisation: f64,
     /// Heat flow across broken bonds of the mechanics.
@@ -70,7 +73,7 @@ fn time_tolerance() -> f64 {
     1e-3
 }
 
-fn whole() -> f64 {
+fn default_stabilisation() -> f64 {
     1.0
 }
 
@@ -78,8 +81,8 @@ fn whole() -> f64 {
     clippy::trivially_copy_pass_by_ref,
     reason = "serde passes a reference"
 )]
-fn is_whole(value: &f64) -> bool {
-    *value == 1.0
+fn is_default_stabilisation(value: &f64) -> bool {
+    *value == default_stabilisation()
 }
 
 /// How the divergence of the heat flux becomes a sum.

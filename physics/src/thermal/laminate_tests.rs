@@ -101,7 +101,7 @@ fn flux(s: &Simulation, rates: &[f64], area: f64) -> f64 {
         / area
 }
 
-/// The body is insulated: its left half takes up what crosses the interface.
+/// The body is insulated: its left half receives the heat that crosses the interface.
 #[test]
 fn the_flux_through_two_materials_is_that_of_resistances_in_series() {
     for ratio in [2.0, 4.0, 10.0, 100.0] {

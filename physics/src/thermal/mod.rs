@@ -13,21 +13,21 @@
 //! moves the points. `q` is the sink field `heat_source`, also per reference volume. Since `V0_i dh_i/dt` is
 //! antisymmetric in the two ends of a bond, heat is conserved pair by pair.
 //!
-//! What the points are decides over the family ([`Description`](perimelt_core::Description)):
+//! The description of the points determines the family ([`Description`](perimelt_core::Description)):
 //!
 //! - points at rest, or of a solid: bonds between reference neighbours; the lattice calibration (or the correction of
 //!   every bond at bare surfaces) makes the discrete conductivity exact;
 //! - points that a physics moves: bonds between current neighbours, calibrated for complete families;
-//! - points of a body that grows by deposition: bonds between the points with material, with weights that are found again
-//!   around each new point; its enthalpy is supplied when it is born;
+//! - points of a body that grows by deposition: bonds between the points with material, whose weights are recomputed
+//!   around each new point; the enthalpy of a point is supplied when it is born;
 //! - points of an Eulerian fluid: conduction between neighbours at rest, and convection ([`Convection`]) with the
 //!   flux of mass of the fluid.
 //!
-//! Where the coupler `powder` gives the field `consolidated`, powder has a conductivity of its own, `powder_conductivity`;
-//! where a `metallurgy` gives the field `austenite`, austenite has `austenite_conductivity` if the material has that property.
+//! Where the coupler `powder` provides the field `consolidated`, powder has the conductivity `powder_conductivity`; where a
+//! `metallurgy` provides the field `austenite`, austenite has `austenite_conductivity` if the material has that property.
 //!
 //! In the ordinary form the heat flow of a bond depends on all bonds of both ends, so that families of any shape conduct exactly.
-//! In the form of second derivatives the sum is that of the differential operator ([`Form`]), as published for flows.
+//! The form of second derivatives sums the differential operator ([`Form`]), as published for flows.
 //!
 //! A body may have a window of finer points that moves with a source (`refined`).
 //!
@@ -36,7 +36,6 @@
 //!
 //! Not for: radiation inside the body.
 
-mod below;
 mod carried;
 #[cfg(test)]
 mod cloud_tests;
@@ -55,7 +54,8 @@ mod interfaces;
 mod keys;
 #[cfg(test)]
 mod laminate_tests;
-mod parts;
+mod phases;
+mod points;
 mod prepare;
 mod rates;
 mod refined;
@@ -203,7 +203,7 @@ impl RunningPhysics for RunningThermal {
         self.stable_step.filter(|_| is_explicit)
     }
 
-    /// The step in which the temperature changes as far as the error in time allows: histories and other physics see it then.
+    /// The step by the error in time, so that histories and other physics resolve the temperature.
     fn step_limits(&self, _time: f64) -> StepLimits {
         let longest = self.integrator.next_step().filter(|_| self.is_automatic);
         StepLimits {
@@ -232,7 +232,7 @@ impl RunningPhysics for RunningThermal {
         if self.has_changing_limit() {
             self.find_stable_step(world);
         }
-        // explicit steps up to the stable one keep temperatures between those around them
+        // stable explicit steps keep temperatures between those of the neighbours
         if self.solver != ThermalSolver::Explicit {
             self.check_absolute_zero(world, step)?;
         }
@@ -245,7 +245,7 @@ impl RunningPhysics for RunningThermal {
         Ok(())
     }
 
-    /// Heat, where the form conserves it. In an Eulerian fluid it is that of the mass, not of the volume.
+    /// Heat, where the form conserves it. None in an Eulerian fluid, where heat is conserved per mass, not per volume.
     fn balance(&self, world: &World) -> Vec<Balance> {
         if !self.conduction.is_conservative() || self.carried.is_some() {
             return Vec::new();
@@ -253,7 +253,7 @@ impl RunningPhysics for RunningThermal {
         let enthalpy = world.read::<f64>(self.enthalpy.into());
         let volume = &self.heated_volumes(world)[..];
         let stored = weighted_sum(&enthalpy, volume);
-        // the heat of a body that cools down again ends where it began
+        // errors are relative to the content: the change of the heat may vanish
         let content = sum_of([&enthalpy, volume], |[h, v]| (h * v).abs());
         let (initial, supplied) = (
             self.heat.initial,

@@ -8,7 +8,7 @@ use perimelt_core::world::exchange::Exchange;
 use perimelt_core::world::{BodyIndex, SurfaceDepths};
 use perimelt_core::{
     Access, Body, Correction, Description, Face, FamilyHandle, FamilySpec, Horizon, Influence,
-    Pddo, ReadIfProvided, Setup, SetupError, StepSize, Wall, keys,
+    Pddo, Read, ReadIfProvided, Setup, SetupError, StepSize, Wall, keys,
 };
 
 use crate::advection::{FlowFamily, usual_horizon};
@@ -24,17 +24,22 @@ use super::run::{Cracks, HeatAccount, RunningThermal};
 use super::surface::Surface;
 use super::surface_depth;
 
-/// Conductivities of austenite by material, W/(m K), and its fraction.
-pub(super) type Austenite = (Vec<Property>, ReadIfProvided<f64>);
+/// Conductivity of austenite by material, W/(m K), and its fraction.
+#[derive(Debug)]
+pub(super) struct Austenite {
+    pub(super) conductivity: Vec<Property>,
+    pub(super) fraction: ReadIfProvided<f64>,
+}
 
-/// Body, what its points are, and the faces behind which it goes on.
-struct Place {
-    body: BodyIndex,
-    description: Description,
+/// A body that conducts heat.
+pub(super) struct ConductionDomain {
+    pub(super) body: BodyIndex,
+    pub(super) description: Description,
     horizon: Horizon,
+    /// Faces behind which the body continues.
     layers: Vec<Face>,
-    /// Those with a prescribed temperature.
-    heated: Vec<Face>,
+    /// Faces with a prescribed temperature.
+    pub(super) heated: Vec<Face>,
 }
 
 impl RunningThermal {
@@ -54,69 +59,36 @@ impl RunningThermal {
         let held = setup.consume_if_added(body, &keys::HELD_TEMPERATURE)?;
         let curves = setup.world().enthalpy_curves(body)?;
         thermal.check(&curves, description)?;
-        if setup.world().is_growing(body) {
+        let is_growing = setup.world().is_growing(body);
+        if is_growing {
             thermal.check_growth()?;
         }
         let layers = setup.layers(body, &keys::TEMPERATURE);
-        let place = Place {
+        let domain = ConductionDomain {
             body,
             description,
             horizon,
             layers: thermal.continued_faces(setup.body(body), layers.faces()),
             heated: layers.prescribed,
         };
-        let (family, mut conduction) = thermal.operators(setup, &place)?;
-        let refined = {
-            let family = setup.world().family(family);
-            Refined::prepare(
-                thermal,
-                setup,
-                (body, description),
-                (&family, &place.heated),
-            )?
-        };
-        let growth = match setup.world().is_growing(body) {
-            true => Some(Growth::prepare(setup, body)?),
-            false => None,
-        };
-        let consolidated = match setup.is_declared(body, &keys::CONSOLIDATED, Access::Write) {
-            true => {
-                thermal.check_powder(description)?;
-                if refined.is_some() {
-                    let message = "a body with a window of finer points has no powder";
-                    return Err(SetupError::value(
-                        "body",
-                        message,
-                        "a body without `powder`",
-                    ));
-                }
-                let powder = setup.world().property(body, "powder_conductivity")?;
-                conduction.set_powder(powder);
-                Some(setup.read(body, &keys::CONSOLIDATED)?)
-            }
-            false => None,
-        };
-        let austenite = thermal.austenite(setup, (body, description), refined.is_some())?;
+        let (family, mut conduction) = thermal.operators(setup, &domain)?;
+        let refined = Refined::prepare(thermal, setup, &domain, family)?;
+        let growth = is_growing
+            .then(|| Growth::prepare(setup, body))
+            .transpose()?;
+        let consolidated = thermal.powder(setup, &domain, refined.is_some(), &mut conduction)?;
+        let austenite = thermal.austenite(setup, &domain, refined.is_some())?;
         let carried = match description {
-            Description::Eulerian => Some(thermal.carried(setup, &place)?),
+            Description::Eulerian => Some(thermal.carried(setup, &domain)?),
             _ => None,
         };
-        let exchanges: Vec<Rc<Exchange>> = setup.facts(body).cloned().collect();
-        let is_exchanged = !exchanges.is_empty() || heat_conductance.is_some();
-        let depth = match is_exchanged && conduction.is_by_bonds() {
-            false => [0.5; 6],
-            true => {
-                let family = setup.world().family(family);
-                surface_depth::depths(setup.body(body), &family)
-            }
-        };
-        setup.publish(body, SurfaceDepths(depth))?;
-        let surface = Surface::new(exchanges, depth);
-        let is_drawn = surface.as_ref().is_some_and(Surface::is_drawn);
+        let has_conductance = heat_conductance.is_some();
+        let surface = prepare_surface(setup, body, family, &conduction, has_conductance)?;
+        let fixed = constraint.is_some() || surface.as_ref().is_some_and(Surface::has_conductance);
         let moves = description == Description::UpdatedLagrangian;
         let is_at_rest = !moves && growth.is_none();
         let follows_cracks = thermal.broken_bonds == BrokenConduction::Insulate && is_at_rest;
-        let faces = place.heated.iter().filter(|_| !moves);
+        let faces = domain.heated.iter().filter(|_| !moves);
         let faces = faces.map(|face| HeatedFace::of(setup.body(body), *face));
         Ok(RunningThermal {
             solver: thermal.solver,
@@ -129,10 +101,7 @@ impl RunningThermal {
             enthalpy,
             heat_source,
             heat_conductance,
-            floating: place.heated.is_empty()
-                && constraint.is_none()
-                && !is_drawn
-                && heat_conductance.is_none(),
+            floating: domain.heated.is_empty() && !fixed && !has_conductance,
             constraint,
             held,
             curves,
@@ -155,8 +124,30 @@ impl RunningThermal {
     }
 }
 
+/// Publishes the distances of the surface from the outermost points, and collects the exchanges of the surface.
+/// `has_conductance`: other bodies exchange heat through the surface.
+fn prepare_surface(
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+    family: FamilyHandle,
+    conduction: &Conduction,
+    has_conductance: bool,
+) -> Result<Option<Surface>, SetupError> {
+    let exchanges: Vec<Rc<Exchange>> = setup.facts(body).cloned().collect();
+    let is_exchanged = !exchanges.is_empty() || has_conductance;
+    let depth = match is_exchanged && conduction.is_by_bonds() {
+        false => [0.5; 6],
+        true => {
+            let family = setup.world().family(family);
+            surface_depth::depths(setup.body(body), &family)
+        }
+    };
+    setup.publish(body, SurfaceDepths(depth))?;
+    Ok(Surface::new(exchanges, depth))
+}
+
 impl Thermal {
-    /// The horizon, where none is given three spacings, and that of the fluid in an Eulerian flow.
+    /// The horizon; by default three spacings, or the horizon of the fluid in an Eulerian flow.
     fn horizon_of(&self, body: &Body, description: Description) -> Horizon {
         self.horizon.unwrap_or_else(|| match description {
             Description::Eulerian => usual_horizon(description, body),
@@ -200,7 +191,7 @@ impl Thermal {
         self.check_correction(description)
     }
 
-    /// Refuses the ordinary form of points that move, and a stabilisation without it.
+    /// Refuses the ordinary form where points move, and a stabilisation in other forms.
     fn check_states(&self, description: Description) -> Result<(), SetupError> {
         if self.form != Form::Ordinary {
             if self.stabilisation != 1.0 {
@@ -245,25 +236,49 @@ impl Thermal {
         Err(SetupError::value(key, message, expected))
     }
 
-    /// Conductivities of austenite by material, where a material has one, and its fraction.
+    /// The field of powder and dense material, where the body has powder, whose conductivity is added to `conduction`.
+    fn powder(
+        &self,
+        setup: &mut Setup<'_>,
+        domain: &ConductionDomain,
+        is_refined: bool,
+        conduction: &mut Conduction,
+    ) -> Result<Option<Read<f64>>, SetupError> {
+        let body = domain.body;
+        if !setup.is_declared(body, &keys::CONSOLIDATED, Access::Write) {
+            return Ok(None);
+        }
+        self.check_powder(domain.description)?;
+        if is_refined {
+            let message = "a body with a window of finer points has no powder";
+            let expected = "a body without `powder`";
+            return Err(SetupError::value("body", message, expected));
+        }
+        conduction.set_powder(setup.world().property(body, "powder_conductivity")?);
+        Ok(Some(setup.read(body, &keys::CONSOLIDATED)?))
+    }
+
+    /// Conductivity and fraction of austenite, where a material has `austenite_conductivity`.
     fn austenite(
         &self,
         setup: &mut Setup<'_>,
-        (body, description): (BodyIndex, Description),
+        domain: &ConductionDomain,
         is_refined: bool,
     ) -> Result<Option<Austenite>, SetupError> {
         const KEY: &str = "austenite_conductivity";
+        let body = domain.body;
         let materials = &setup.body(body).materials;
-        let applies = self.form == Form::Bonds && description != Description::Eulerian;
+        let applies = self.form == Form::Bonds && domain.description != Description::Eulerian;
         if !applies || is_refined || materials.iter().all(|m| m.get(KEY).is_none()) {
             return Ok(None);
         }
         let rest = setup.world().property(body, "conductivity")?;
         let materials = setup.body(body).materials.iter().zip(rest);
         let conductivity = materials.map(|(m, rest)| m.get(KEY).cloned().unwrap_or(rest));
-        let conductivity = conductivity.collect();
-        let fraction = setup.read_if_provided(body, &keys::AUSTENITE)?;
-        Ok(Some((conductivity, fraction)))
+        Ok(Some(Austenite {
+            conductivity: conductivity.collect(),
+            fraction: setup.read_if_provided(body, &keys::AUSTENITE)?,
+        }))
     }
 
     /// Refuses keys and points for which powder has no meaning.
@@ -311,7 +326,7 @@ impl Thermal {
         Err(SetupError::value("correction", message, expected))
     }
 
-    /// Faces behind which the body goes on: those of the boundaries, or all.
+    /// Faces behind which the body continues: the `claimed` faces of boundaries, or all.
     fn continued_faces(&self, body: &Body, claimed: Vec<Face>) -> Vec<Face> {
         let all = match self.surfaces {
             Surfaces::Auto => body.fills_box(),
@@ -329,25 +344,25 @@ impl Thermal {
     fn operators(
         &self,
         setup: &mut Setup<'_>,
-        place: &Place,
+        domain: &ConductionDomain,
     ) -> Result<(FamilyHandle, Conduction), SetupError> {
-        let body = place.body;
+        let body = domain.body;
         let conductivity = setup.world().property(body, "conductivity")?;
         let points = setup.body(body).points.len();
         if self.form == Form::SecondDerivatives {
-            let (family, pddo) = self.second_derivatives(setup, place)?;
+            let (family, pddo) = self.second_derivatives(setup, domain)?;
             let conduction = Conduction::by_derivatives(pddo, conductivity, points);
             return Ok((family, conduction));
         }
         let mut spec = FamilySpec {
-            horizon: place.horizon,
+            horizon: domain.horizon,
             partial_volume: self.partial_volume,
             influence: Influence::default(),
             correction: self.correction.unwrap_or_default(),
-            layers: place.layers.clone(),
-            audited: place.heated.clone(),
+            layers: domain.layers.clone(),
+            audited: domain.heated.clone(),
         };
-        let moves = place.description == Description::UpdatedLagrangian;
+        let moves = domain.description == Description::UpdatedLagrangian;
         if moves {
             spec.correction = Correction::None;
         }
@@ -370,44 +385,52 @@ impl Thermal {
     fn second_derivatives(
         &self,
         setup: &mut Setup<'_>,
-        place: &Place,
+        domain: &ConductionDomain,
     ) -> Result<(FamilyHandle, Arc<Pddo>), SetupError> {
-        let this = setup.body(place.body);
+        let this = setup.body(domain.body);
         if !this.fills_box() {
             let message =
                 "second derivatives need complete families, but the body does not fill its box";
             return Err(SetupError::value("form", message, "`form = \"bonds\"`"));
         }
-        let handle = self.box_family(setup, place)?;
+        let handle = self.box_family(setup, domain)?;
         let family = setup.world().family(handle);
-        let pddo = Pddo::build(setup.body(place.body), family, 2);
+        let pddo = Pddo::build(setup.body(domain.body), family, 2);
         let pddo = pddo.map_err(|e| SetupError::other("horizon", e))?;
         Ok((handle, Arc::new(pddo)))
     }
 
     /// A complete family of a body that fills its box.
-    fn box_family(&self, setup: &mut Setup<'_>, place: &Place) -> Result<FamilyHandle, SetupError> {
-        let this = setup.body(place.body);
+    fn box_family(
+        &self,
+        setup: &mut Setup<'_>,
+        domain: &ConductionDomain,
+    ) -> Result<FamilyHandle, SetupError> {
+        let this = setup.body(domain.body);
         let needs_layer = |f: &Face| f.axis() < this.dimension && !this.periodic[f.axis()];
         let spec = FamilySpec {
             partial_volume: self.partial_volume,
             layers: Face::ALL.into_iter().filter(needs_layer).collect(),
-            ..Pddo::spec(place.horizon)
+            ..Pddo::spec(domain.horizon)
         };
-        setup.family(place.body, &spec)
+        setup.family(domain.body, &spec)
     }
 
-    /// Convection by the flow through the points: over a family with the horizon of the heat, or around bodies over that of the flow,
-    /// which they complete.
-    fn carried(&self, setup: &mut Setup<'_>, place: &Place) -> Result<CarriedHeat, SetupError> {
-        let body = place.body;
+    /// Convection by the flow through the points: over a family with the horizon of the heat, or, where bodies stand in the
+    /// flow, over the family of the flow.
+    fn carried(
+        &self,
+        setup: &mut Setup<'_>,
+        domain: &ConductionDomain,
+    ) -> Result<CarriedHeat, SetupError> {
+        let body = domain.body;
         let fields = FlowFields {
             velocity: setup.read(body, &keys::VELOCITY)?,
             density: setup.read(body, &keys::DENSITY)?,
             mass_flux: setup.read(body, &keys::MASS_FLUX)?,
         };
         let family = match setup.body(body).fills_box() {
-            true => self.box_family(setup, place)?,
+            true => self.box_family(setup, domain)?,
             false => {
                 let of_flow = setup.facts::<FlowFamily>(body).next();
                 of_flow
@@ -419,10 +442,11 @@ impl Thermal {
         let walls: Vec<Wall> = setup.facts(body).copied().collect();
         let walls = walls
             .into_iter()
-            .map(|wall| WallInFlow::new(setup, (body, &family), wall));
+            .map(|wall| WallInFlow::new(setup, body, &family, wall));
         let walls = walls.collect::<Result<Vec<_>, _>>()?;
         Ok(CarriedHeat::new(
-            (setup.body(body), family),
+            setup.body(body),
+            family,
             walls,
             self.convection,
             fields,

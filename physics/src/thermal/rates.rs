@@ -10,56 +10,56 @@ use perimelt_core::solver::reduce::{norm, sum_of, sum_points};
 use perimelt_core::solver::{At, Rhs, SolverError};
 use rayon::prelude::*;
 
-use super::below::Below;
 use super::carried::CarriedHeat;
 use super::conduction::{Conduction, Matter};
+use super::points::ConductingPoints;
 use super::surface::Surface;
 
 /// Work vectors of the enthalpy equation.
 #[derive(Debug, Default)]
 pub(super) struct Vectors {
     temperature: Vec<f64>,
-    base: Base,
+    base: Linearisation,
 }
 
 impl Vectors {
-    /// Forgets where the flow was linearised: sources and conductivities have changed.
+    /// Discards the linearisation: sources and conductivities have changed.
     pub(super) fn start_step(&mut self) {
         self.base.state.clear();
     }
 }
 
-/// Where the flow was linearised last.
+/// State at which the flow was linearised, and work vectors of its derivative.
 #[derive(Debug, Default)]
-struct Base {
+struct Linearisation {
     state: Vec<f64>,
     temperature: Vec<f64>,
     /// J/(m³ K), infinite while a pure substance melts.
     capacity: Vec<f64>,
-    /// Flow and power, where these have no derivative; else empty.
+    /// Flow and power where no analytical derivative exists; empty otherwise.
     rate: Vec<f64>,
-    /// Of the temperature; after it temperatures beside those of the base.
+    /// Change of the temperature along the direction (K), then the perturbed temperatures.
     change: Vec<f64>,
     /// Derivatives of the heat through the surface, W/(m³ K), by face.
     gains: Vec<f64>,
 }
 
-/// What the flow of heat depends on during a step.
-pub(super) struct Flow<'a> {
+/// The heat flow of a body during a step.
+pub(super) struct HeatFlow<'a> {
     pub(super) conduction: &'a mut Conduction,
     pub(super) matter: Matter<'a>,
     /// Reference volumes, to which enthalpies and sources refer, m³.
     pub(super) volume: &'a [f64],
-    /// Whether the volumes make the conduction symmetric: where they differ, or points move.
+    /// Whether the volumes are weights that make conduction symmetric, because they differ or points move.
     pub(super) is_weighted: bool,
-    /// Where points move.
+    /// Current volumes, where points move.
     pub(super) current: Option<CurrentVolumes<'a>>,
     pub(super) source: Option<&'a [f64]>,
-    /// What the surface exchanges with its surroundings.
+    /// Exchange of the surface with its surroundings.
     pub(super) surface: Option<&'a mut Surface>,
-    /// In the search for a steady state, where other bodies draw points to their temperatures.
-    pub(super) drawn: Option<Drawn<'a>>,
-    /// Heat that an Eulerian fluid carries, and the step, s.
+    /// Exchange with other bodies, in the search for a steady state.
+    pub(super) exchanged: Option<BodyExchange<'a>>,
+    /// Convection by an Eulerian fluid, and the step, s.
     pub(super) carried: Option<(&'a mut CarriedHeat, f64)>,
     /// Positive where the temperature is held.
     pub(super) constraint: Option<&'a [f64]>,
@@ -67,11 +67,11 @@ pub(super) struct Flow<'a> {
     pub(super) vectors: &'a mut Vectors,
 }
 
-/// What other bodies draw a body by: the sources of heat are those at these temperatures.
-pub(super) struct Drawn<'a> {
+/// Heat exchange with other bodies, linearised about the temperatures for which the heat sources were given.
+pub(super) struct BodyExchange<'a> {
     /// W/(m³ K).
     pub(super) conductance: &'a [f64],
-    /// K.
+    /// Temperatures of the points, K.
     pub(super) temperature: Vec<f64>,
 }
 
@@ -79,12 +79,12 @@ pub(super) struct Drawn<'a> {
 pub(super) struct CurrentVolumes<'a> {
     /// m³.
     pub(super) volume: &'a [f64],
-    /// Over the reference volume.
+    /// Current volume over reference volume.
     pub(super) ratio: &'a [f64],
 }
 
-impl Flow<'_> {
-    /// What the curve of each point gives at its enthalpy (J/m³).
+impl HeatFlow<'_> {
+    /// Evaluates `of` for the curve of each point at its enthalpy (J/m³).
     fn by_point(
         &self,
         enthalpy: &[f64],
@@ -100,19 +100,18 @@ impl Flow<'_> {
         points.for_each(|((out, h), &m)| *out = of(&curves[m as usize], *h));
     }
 
-    /// Leaves `flow + source` in `conduction.rate`, zero at held points; returns the power
-    /// that comes in through sources and boundaries, W.
+    /// Writes `flow + source` to `conduction.rate`, zero at held points; returns the power of sources and boundaries, W.
     pub(super) fn evaluate(&mut self, temperature: &[f64]) -> f64 {
         self.conduction.load(&self.matter, temperature);
         self.exchange(temperature);
-        self.sum(Through::Temperature(temperature))
+        self.sum(HeatSum::Temperature(temperature))
     }
 
     /// Evaluates the exchange of the surface.
     fn exchange(&mut self, temperature: &[f64]) {
         let (conduction, matter) = (&*self.conduction, self.matter);
         if let Some(surface) = &mut self.surface {
-            surface.evaluate(&Below {
+            surface.evaluate(&ConductingPoints {
                 conduction,
                 curves: matter.curves,
                 material: matter.material,
@@ -121,16 +120,16 @@ impl Flow<'_> {
         }
     }
 
-    /// Leaves the derivative of the flow along a change of the temperature (K) in `conduction.rate`, zero at held points;
-    /// returns that of the power. `None`, without an effect, where no derivative is known.
+    /// Writes the derivative of the flow along a change of the temperature (K) to `conduction.rate`, zero at held points;
+    /// returns the derivative of the power. `None`, without an effect, where no analytical derivative exists.
     fn change(&mut self, temperature: &[f64], change: &[f64], gains: &[f64]) -> Option<f64> {
         let is_known = self.carried.is_none()
-            && (self.conduction).load_change(&self.matter, (temperature, change));
-        is_known.then(|| self.sum(Through::Change { gains, change }))
+            && (self.conduction).load_change(&self.matter, temperature, change);
+        is_known.then(|| self.sum(HeatSum::Change { gains, change }))
     }
 
-    /// The flow from what was loaded, and what comes in otherwise.
-    fn sum(&mut self, through: Through<'_>) -> f64 {
+    /// Sums the flow from what was loaded and the other contributions; returns the power, W.
+    fn sum(&mut self, through: HeatSum<'_>) -> f64 {
         self.conduction.flow(&self.matter);
         let volume = self.current.as_ref().map_or(self.volume, |c| c.volume);
         let mut power = self.conduction.inflow(self.matter.family, volume);
@@ -141,18 +140,22 @@ impl Flow<'_> {
         }
         power += match (&self.surface, &through) {
             (None, _) => 0.0,
-            (Some(surface), Through::Temperature(_)) => surface.add(rate, self.volume),
-            (Some(surface), Through::Change { gains, change }) => {
-                surface.add_change(gains, change, (rate, self.volume))
+            (Some(surface), HeatSum::Temperature(_)) => surface.add(rate, self.volume),
+            (Some(surface), HeatSum::Change { gains, change }) => {
+                surface.add_change(gains, change, rate, self.volume)
             }
         };
-        if let (Some(drawn), Through::Temperature(now)) = (&self.drawn, &through) {
-            let points = drawn.conductance.iter().zip(&drawn.temperature).zip(*now);
+        if let (Some(exchanged), HeatSum::Temperature(now)) = (&self.exchanged, &through) {
+            let points = exchanged
+                .conductance
+                .iter()
+                .zip(&exchanged.temperature)
+                .zip(*now);
             for ([r], ((conductance, then), now)) in rate.iter_mut().zip(points) {
                 *r += conductance * (then - now);
             }
         }
-        let is_change = matches!(through, Through::Change { .. });
+        let is_change = matches!(through, HeatSum::Change { .. });
         if let Some(source) = self.source.filter(|_| !is_change) {
             power += sum_of([source, self.volume], |[q, v]| q * v);
             rate.par_iter_mut()
@@ -175,16 +178,16 @@ impl Flow<'_> {
     }
 }
 
-/// What is summed.
-enum Through<'a> {
-    /// The heat at the temperatures that were loaded (K), with all sources.
+/// Contributions to a sum of heat.
+enum HeatSum<'a> {
+    /// Heat at the temperatures that were loaded (K), with all sources.
     Temperature(&'a [f64]),
-    /// The change of the heat with temperatures that change (K), and the derivatives of the heat through the surface.
+    /// Derivative of the heat along a change of the temperatures (K), with the derivatives of the heat through the surface.
     Change { gains: &'a [f64], change: &'a [f64] },
 }
 
-/// Bound of the relative rounding error of a temperature that was computed from an enthalpy, and of what the two ends of a
-/// bond add to it.
+/// Bound of the relative rounding error of a temperature computed from an enthalpy and of the difference of two ends of a
+/// bond.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// Norm of the rounding errors of rates, from the sums of the coefficients of points (W/(m³ K)) and their temperatures (K): a
@@ -202,7 +205,7 @@ fn rounding(
 }
 
 /// Enthalpies of all points, then the heat supplied; nonlinear in the enthalpy.
-pub(super) struct EnthalpyRate<'a>(pub(super) Flow<'a>);
+pub(super) struct EnthalpyRate<'a>(pub(super) HeatFlow<'a>);
 
 impl Rhs for EnthalpyRate<'_> {
     fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
@@ -216,7 +219,7 @@ impl Rhs for EnthalpyRate<'_> {
         Ok(())
     }
 
-    /// Temperatures, which also tell how much has melted where that happens at one temperature.
+    /// Temperatures, extended by the molten fraction of materials that melt at one temperature.
     fn unknowns(&self, state: &[f64], unknowns: &mut [f64]) {
         let Matter {
             curves, material, ..
@@ -239,15 +242,15 @@ impl Rhs for EnthalpyRate<'_> {
     }
 
     fn rounding(&self, at: At<'_>) -> f64 {
-        let Flow {
+        let HeatFlow {
             matter, row_sums, ..
         } = &self.0;
         let curve = |i: usize| &matter.curves[matter.material[i] as usize];
         rounding(row_sums, None, |i| curve(i).temperature(at.state[i]))
     }
 
-    /// Exact where the flow has a derivative, a difference by the temperature elsewhere, in which the flow has no kinks but
-    /// those of tables of the conductivity.
+    /// Exact where the flow has an analytical derivative; a finite difference by the temperature elsewhere, as a function of
+    /// which the flow has kinks only at the rows of conductivity tables.
     fn tangent(
         &mut self,
         at: At<'_>,
@@ -306,8 +309,8 @@ impl Rhs for EnthalpyRate<'_> {
 }
 
 impl EnthalpyRate<'_> {
-    /// Takes the base out of the work vectors, at this state.
-    fn linearise(&mut self, at: At<'_>) -> Base {
+    /// Moves the linearisation at this state out of the work vectors.
+    fn linearise(&mut self, at: At<'_>) -> Linearisation {
         let flow = &mut self.0;
         let mut base = std::mem::take(&mut flow.vectors.base);
         if base.state != at.state {
@@ -328,8 +331,8 @@ impl EnthalpyRate<'_> {
 
 /// Temperatures of all points; the steady state is where their rate vanishes.
 pub(super) struct TemperatureRate<'a> {
-    pub(super) flow: Flow<'a>,
-    /// Where points have volumes of several sizes: those make the conduction symmetric.
+    pub(super) flow: HeatFlow<'a>,
+    /// Volumes, where they differ or points move: these weights make conduction symmetric.
     pub(super) weights: Option<&'a [f64]>,
 }
 
@@ -351,8 +354,8 @@ impl Rhs for TemperatureRate<'_> {
         if let Some(surface) = &self.flow.surface {
             surface.add_diagonal(out, |_| 1.0);
         }
-        if let Some(drawn) = &self.flow.drawn {
-            let points = out.iter_mut().zip(drawn.conductance);
+        if let Some(exchanged) = &self.flow.exchanged {
+            let points = out.iter_mut().zip(exchanged.conductance);
             points.for_each(|(out, conductance)| *out -= conductance);
         }
         Ok(true)

@@ -1,22 +1,23 @@
-//! What a prepared heat physics works with.
+//! The prepared heat physics: its state and its stable step.
 
 use std::borrow::Cow;
 
-use perimelt_core::material::{EnthalpyCurve, Property};
+use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::refinement::Level;
 use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
-use perimelt_core::{BrokenBonds, Family, FamilyHandle, Read, ReadIfProvided, World, Write};
+use perimelt_core::{BrokenBonds, Family, FamilyHandle, Read, World, Write};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::below::Below;
 use super::carried::{CarriedHeat, Diffusion};
 use super::conduction::{Conduction, Matter};
 use super::faces::HeatedFace;
 use super::growth::{Growth, HeatState};
 use super::integrate::Integrator;
-use super::interfaces::Points;
+use super::interfaces::MaterialPoints;
 use super::keys::ThermalSolver;
+use super::points::ConductingPoints;
+use super::prepare::Austenite;
 use super::refined::Refined;
 use super::surface::Surface;
 
@@ -28,46 +29,45 @@ pub(super) struct RunningThermal {
     pub(super) is_automatic: bool,
     pub(super) body: BodyIndex,
     pub(super) family: FamilyHandle,
-    /// Whether a physics moves the points, which change neighbours.
+    /// Whether a physics moves the points, so that neighbours change.
     pub(super) moves: bool,
     pub(super) layers: LayersHandle,
     pub(super) temperature: Write<f64>,
     pub(super) enthalpy: Write<f64>,
     pub(super) heat_source: Option<Read<f64>>,
-    /// To other bodies; steady states take it into account.
+    /// Conductance to other bodies, for steady states.
     pub(super) heat_conductance: Option<Read<f64>>,
     pub(super) constraint: Option<Read<f64>>,
     pub(super) held: Option<Read<f64>>,
     pub(super) curves: Vec<EnthalpyCurve>,
     pub(super) conduction: Conduction,
-    /// In an Eulerian fluid.
+    /// Convection, in an Eulerian fluid.
     pub(super) carried: Option<CarriedHeat>,
     pub(super) cracks: Option<Cracks>,
-    /// Of a body on which material is deposited.
+    /// State of points that are added or cut off, in a growing body.
     pub(super) growth: Option<Growth>,
-    /// Of a body that has a window of finer points or is one.
+    /// Coupling of a coarse body and its refined window.
     pub(super) refined: Option<Refined>,
-    /// Where the body has powder.
+    /// Field of powder (0) and dense material (1), where the body has powder.
     pub(super) consolidated: Option<Read<f64>>,
-    /// Where austenite conducts by properties of its own: these by material, W/(m K), and its fraction.
-    pub(super) austenite: Option<(Vec<Property>, ReadIfProvided<f64>)>,
+    pub(super) austenite: Option<Austenite>,
     pub(super) integrator: Integrator,
-    /// Nothing holds the temperature level: boundaries are insulated or give fluxes.
+    /// No boundary fixes the temperature: all are insulated or prescribe fluxes.
     pub(super) floating: bool,
     pub(super) heat: HeatAccount,
     pub(super) faces: Vec<HeatedFace>,
-    /// Heat that bonds carry in through all layers with prescribed values when last observed, W.
+    /// Power of the bonds to layers with prescribed values as last observed, W.
     pub(super) through_layers: f64,
-    /// What the surface exchanges with its surroundings.
+    /// Exchange of the surface with its surroundings.
     pub(super) surface: Option<Surface>,
-    /// Largest stable explicit step, s, once it is found.
+    /// Largest stable explicit step, s; `None` until found.
     pub(super) stable_step: Option<f64>,
-    /// The same of conduction alone, where points stay; found once.
+    /// Largest stable explicit step of conduction alone, s; found once where points stay.
     pub(super) conduction_step: Option<f64>,
     pub(super) exchange_limit: Option<ExchangeLimit>,
 }
 
-/// The stable step of points at the surface, and what it was found for.
+/// The stable step of points at the surface, and the state for which it was found.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ExchangeLimit {
     /// Bound of the temperatures (K), changes of the faces, version of a family that grows.
@@ -76,7 +76,7 @@ pub(super) struct ExchangeLimit {
     step: f64,
 }
 
-/// Heat since the start of the run, J.
+/// Heat balance since the start of the run, J.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct HeatAccount {
     pub(super) initial: f64,
@@ -93,7 +93,7 @@ impl HeatAccount {
     }
 }
 
-/// How many of the broken bonds of the mechanics have been taken over.
+/// Progress of the transfer of broken bonds from the mechanics.
 #[derive(Debug, Default)]
 pub(super) struct Cracks {
     taken: usize,
@@ -135,26 +135,30 @@ impl RunningThermal {
         }
     }
 
-    /// Whether points rest and keep their material.
+    /// Whether points neither move nor are added or cut off.
     pub(super) fn is_at_rest(&self) -> bool {
         !self.moves && self.growth.is_none()
     }
 
-    /// Takes up points on which material was deposited since the last step.
+    /// Adds points on which material was deposited since the last step.
     pub(super) fn take_births(&mut self, world: &World) {
+        let state = self.heat_state();
         let Some(growth) = &mut self.growth else {
             return;
         };
-        let state = HeatState {
-            temperature: self.temperature,
-            enthalpy: self.enthalpy,
-        };
-        if growth.take_births(world, &self.curves, (&state, &mut self.heat)) {
+        if growth.take_births(world, &self.curves, &state, &mut self.heat) {
             self.find_stable_step(world);
         }
     }
 
-    /// Volumes of the points that have heat, m³.
+    pub(super) fn heat_state(&self) -> HeatState {
+        HeatState {
+            temperature: self.temperature,
+            enthalpy: self.enthalpy,
+        }
+    }
+
+    /// Volumes of the points whose heat counts, m³.
     pub(super) fn heated_volumes<'a>(&self, world: &'a World) -> Cow<'a, [f64]> {
         let volume = &world.body(self.body).points.volume;
         let refinement = world.refinement(self.body);
@@ -165,7 +169,7 @@ impl RunningThermal {
         }
     }
 
-    /// Heat that a window of finer points took over by its moves, J: supplied to the window, lost by the body around it.
+    /// Heat that moves of the window transferred to it, J: positive for the window, negative for the body around it.
     pub(super) fn heat_of_moves(&self, world: &World) -> f64 {
         match world.refinement(self.body) {
             Some((refinement, Level::Window)) => refinement.position().heat,
@@ -194,9 +198,9 @@ impl RunningThermal {
         }
     }
 
-    fn points<'a>(&self, world: &'a World) -> Points<'a> {
+    fn points<'a>(&self, world: &'a World) -> MaterialPoints<'a> {
         let body = world.body(self.body);
-        Points {
+        MaterialPoints {
             material: &body.material_of_point,
             spacing: &body.points.spacing,
         }
@@ -245,7 +249,7 @@ impl RunningThermal {
 
     /// Finds the largest stable explicit step for the current configuration and velocity: the monotone limit
     /// `min C / sum_j kappa v V / |xi|` (docs/theory/heat_conduction.md, "Steps in time"), with the smallest capacity and the
-    /// largest conductivity of each material, and that of the heat that a flow carries.
+    /// largest conductivity of each material, and the limit of convection.
     pub(super) fn find_stable_step(&mut self, world: &World) {
         self.find_row_sums(world);
         let body = world.body(self.body);
@@ -315,7 +319,7 @@ impl RunningThermal {
         step
     }
 
-    /// Takes up changed faces through which the surface exchanges heat.
+    /// Updates the faces through which the surface exchanges heat.
     pub(super) fn follow_surface(&mut self, world: &World) {
         if let Some(surface) = &mut self.surface {
             let growth = self.growth.as_ref();
@@ -335,7 +339,7 @@ impl RunningThermal {
         self.follow_surface(world);
         let temperature = world.read::<f64>(self.temperature.into());
         if let Some(surface) = &self.surface {
-            surface.report(&Below {
+            surface.report(&ConductingPoints {
                 conduction: &self.conduction,
                 curves: &self.curves,
                 material: &world.body(self.body).material_of_point,
@@ -356,7 +360,7 @@ impl RunningThermal {
         };
         self.conduction.load(&matter, &temperature);
         self.through_layers = self.conduction.inflow(&family, &self.heated_volumes(world));
-        let points = Below {
+        let points = ConductingPoints {
             conduction: &self.conduction,
             curves: &self.curves,
             material: &body.material_of_point,
@@ -366,9 +370,9 @@ impl RunningThermal {
         for face in &mut self.faces {
             if let Some(rule) = rules.iter().find(|r| r.face == face.face) {
                 let growth = self.growth.as_ref();
-                let is_there = |point: usize| growth.is_none_or(|g| g.is_born(point));
-                let state = (&temperature[..], is_there);
-                face.measure(rule, state, conductivity, &body.points.spacing);
+                let has_material = |point: usize| growth.is_none_or(|g| g.is_born(point));
+                let spacing = &body.points.spacing;
+                face.measure(rule, &temperature, has_material, conductivity, spacing);
             }
         }
     }

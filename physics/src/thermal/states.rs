@@ -1,13 +1,13 @@
 //! The ordinary state-based form: the heat flow of a bond depends on all bonds of its two ends.
 //!
-//! The potential of a point is that of its mean temperature gradient `g` and of what the bonds have besides:
+//! The potential of a point is a function of its mean temperature gradient `g` and of the deviations of its bonds:
 //!
 //! ```text
 //! Z_i = 1/2 ( k g.g + s k ( sum_j c_ij tau_ij^2 - g.M g ) )      tau_ij = T_j - T_i,  c_ij = w_ij / |xi|
 //! g   = M^-1 sum_j c_ij tau_ij xi,    M = sum_j c_ij xi xi
 //! ```
 //!
-//! with the weights `w` of the bonds. The heat flow that follows from it by the general form of the equation of heat flow
+//! with the weights `w` of the bonds. By the general form of the equation of heat flow, the heat flow
 //! (Wang (2025), eqs. 6.5 to 6.7; docs/theory/heat_conduction.md, "Ordinary form") is
 //!
 //! ```text
@@ -31,14 +31,14 @@ const LEAST_MOMENT: f64 = 0.2;
 
 /// Moments and gradients of all points.
 #[derive(Debug)]
-pub(super) struct States {
+pub(super) struct OrdinaryState {
     dimension: usize,
     stabilisation: f64,
     /// `M^-1 - s` of each point; empty until found.
     excess: Vec<Matrix3<f64>>,
     moment: Vec<[f64; 6]>,
     gradient: Vec<[f64; 3]>,
-    /// `p` of each point, K/m times W/(m K).
+    /// `p` of each point, W/m².
     state: Vec<[f64; 3]>,
     slots: [SlotField; 3],
     /// Number of broken bonds with which the moments were found.
@@ -84,9 +84,9 @@ impl BondKernel<5, 1> for StateFlow {
     }
 }
 
-impl States {
-    pub(super) fn new(dimension: usize, points: usize, stabilisation: f64) -> States {
-        States {
+impl OrdinaryState {
+    pub(super) fn new(dimension: usize, points: usize, stabilisation: f64) -> OrdinaryState {
+        OrdinaryState {
             dimension,
             stabilisation,
             excess: Vec::new(),
@@ -119,7 +119,7 @@ impl States {
         excess.collect_into_vec(&mut self.excess);
     }
 
-    /// Largest ratio of the potential of a point to that of its bonds: by it the stable step is shorter.
+    /// Largest ratio of the potential of a point to the potential of its bonds, by which the stable step is divided.
     pub(super) fn stiffness(&mut self, family: &Family, broken: Option<&BrokenBonds>) -> f64 {
         self.find_moments(family, broken);
         let s = self.stabilisation;
@@ -131,7 +131,8 @@ impl States {
     pub(super) fn load(
         &mut self,
         matter: &Matter<'_>,
-        (temperature, conductivity): (&[f64], &[f64]),
+        temperature: &[f64],
+        conductivity: &[f64],
         broken: Option<&BrokenBonds>,
     ) {
         let family = matter.family;
@@ -156,7 +157,7 @@ impl States {
         }
     }
 
-    /// The kernel and its inputs, from what was loaded.
+    /// The kernel and its inputs as last loaded.
     pub(super) fn flow<'a>(
         &'a self,
         temperature: &'a [f64],
@@ -170,7 +171,7 @@ impl States {
     }
 }
 
-/// How `p` continues behind faces: as the gradient of a temperature that continues by `rules`.
+/// Continuation of `p` behind faces: that of the gradient of a temperature that continues by `rules`.
 fn turned(family: &Family, rules: &[LayerRule]) -> Vec<LayerRule> {
     let faces = family.spec().layers.iter();
     let rule = |face: &perimelt_core::Face| {

@@ -17,7 +17,7 @@ use perimelt_core::world::exchange::{Exchange, SurfaceDepth, SurfaceLaw};
 use perimelt_core::{Body, Face};
 use rayon::prelude::*;
 
-use super::below::Below;
+use super::points::ConductingPoints;
 
 /// Largest number of iterations for the temperature of a surface.
 const ITERATIONS: usize = 30;
@@ -34,11 +34,11 @@ pub(super) struct Surface {
     versions: Vec<Option<u64>>,
     /// Distances of the surface from its points by direction, in spacings.
     depth: [f64; 6],
-    /// In the order of their points.
+    /// Faces in the order of their points.
     faces: Vec<ExposedFace>,
-    /// Of all faces, one after the other.
-    parts: Vec<Part>,
-    /// By face, when last evaluated.
+    /// Laws of all faces, face by face.
+    parts: Vec<FaceLaw>,
+    /// Heat through each face as last evaluated.
     heat: Vec<FaceHeat>,
     is_linear: bool,
     /// How often the faces have changed.
@@ -53,44 +53,44 @@ struct ExposedFace {
     depth: f64,
     /// Area over the volume of the point, 1/m.
     area_over_volume: f64,
-    /// Where its parts start and end.
+    /// First and last index (exclusive) of the laws that act on the face.
     parts: [u32; 2],
 }
 
 impl ExposedFace {
-    /// Its parts among those of all faces.
-    fn parts<'a>(&self, all: &'a [Part]) -> &'a [Part] {
+    /// Laws that act on the face.
+    fn parts<'a>(&self, all: &'a [FaceLaw]) -> &'a [FaceLaw] {
         &all[self.parts[0] as usize..self.parts[1] as usize]
     }
 }
 
-/// What one law does at a face.
+/// A law that acts on a face.
 #[derive(Clone, Copy, Debug)]
-struct Part {
+struct FaceLaw {
     exchange: u32,
-    /// The place of the face in the cells of the exchange.
+    /// Index of the face in the cells of the exchange.
     cell: u32,
     /// Fraction of the area of the face.
     fraction: f64,
-    /// m².
+    /// Area, m².
     area: f64,
 }
 
 /// Heat that enters a point through a face, over the volume of the point.
 #[derive(Clone, Copy, Debug, Default)]
 struct FaceHeat {
-    /// W/m³.
+    /// Heat, W/m³.
     heat: f64,
-    /// Its derivative by the temperature of the point, W/(m³ K).
+    /// Derivative of the heat by the temperature of the point, W/(m³ K).
     gain: f64,
 }
 
-/// A flux and its derivative by the temperature of the point.
+/// A flux (W/m²) and its derivative by the temperature of the point (W/(m² K)).
 #[derive(Clone, Copy, Debug, Default)]
-struct Through {
+struct SurfaceFlux {
     flux: f64,
     gain: f64,
-    /// Of the surface, K.
+    /// Temperature of the surface, K.
     temperature: f64,
 }
 
@@ -120,13 +120,13 @@ impl Surface {
         self.is_linear
     }
 
-    /// Whether an exchange draws the body to a temperature; prescribed fluxes do not.
-    pub(super) fn is_drawn(&self) -> bool {
+    /// Whether the flux of an exchange depends on the temperature, unlike prescribed fluxes.
+    pub(super) fn has_conductance(&self) -> bool {
         let stiffness = |e: &Rc<Exchange>| e.law().stiffness(1000.0);
         self.exchanges.iter().any(|e| stiffness(e) > 0.0)
     }
 
-    /// Takes up changed cell faces; `has_material` tells which points of a body that grows have some.
+    /// Rebuilds the faces when cell faces changed; `has_material` tells which points of a growing body exist.
     pub(super) fn follow(&mut self, body: &Body, has_material: impl Fn(usize) -> bool) {
         let now = self.exchanges.iter().map(|e| Some(e.version()));
         if now.clone().eq(self.versions.iter().copied()) {
@@ -134,14 +134,14 @@ impl Surface {
         }
         self.versions = now.collect();
         self.changes += 1;
-        let mut all: Vec<(u32, Face, SurfaceDepth, f64, Part)> = Vec::new();
+        let mut all: Vec<(u32, Face, SurfaceDepth, f64, FaceLaw)> = Vec::new();
         for (index, exchange) in self.exchanges.iter().enumerate() {
             let cells = exchange.cells();
             let here = cells.iter().enumerate();
             all.extend(
                 here.filter(|(_, c)| has_material(c.point as usize))
                     .map(|(i, c)| {
-                        let part = Part {
+                        let part = FaceLaw {
                             exchange: index as u32,
                             cell: i as u32,
                             fraction: 1.0,
@@ -162,7 +162,7 @@ impl Surface {
                 continue;
             }
             let first = self.parts.len() as u32;
-            self.parts.extend(same.iter().map(|s| Part {
+            self.parts.extend(same.iter().map(|s| FaceLaw {
                 fraction: s.4.area / area,
                 ..s.4
             }));
@@ -182,14 +182,18 @@ impl Surface {
     }
 
     /// Evaluates the heat through all faces.
-    pub(super) fn evaluate(&mut self, below: &Below<'_>) {
+    pub(super) fn evaluate(&mut self, points: &ConductingPoints<'_>) {
         let borrowed: Vec<_> = self.exchanges.iter().map(|e| e.law()).collect();
         let laws: Vec<&dyn SurfaceLaw> = borrowed.iter().map(|law| &**law).collect();
         let (parts, is_linear) = (&self.parts[..], self.is_linear);
         let faces = self.heat.par_iter_mut().zip(&self.faces).with_min_len(512);
         faces.for_each(|(heat, face)| {
-            let all = (face.parts(parts), &laws[..], is_linear);
-            let through = balance(all, &HalfCell::of(face, below));
+            let through = balance(
+                face.parts(parts),
+                &laws,
+                is_linear,
+                &HalfCell::of(face, points),
+            );
             *heat = FaceHeat {
                 heat: face.area_over_volume * through.flux,
                 gain: face.area_over_volume * through.gain,
@@ -214,12 +218,13 @@ impl Surface {
         gains.extend(self.heat.iter().map(|h| h.gain));
     }
 
-    /// Adds the change of the heat with temperatures that change (K) to the rates, by these gains; returns that of the power.
+    /// Adds the change of the heat for a `change` of the temperatures (K) to the rates; returns the change of the power.
     pub(super) fn add_change(
         &self,
         gains: &[f64],
         change: &[f64],
-        (rate, volume): (&mut [[f64; 1]], &[f64]),
+        rate: &mut [[f64; 1]],
+        volume: &[f64],
     ) -> f64 {
         let mut power = 0.0;
         for (face, gain) in self.faces.iter().zip(gains) {
@@ -239,8 +244,8 @@ impl Surface {
         }
     }
 
-    /// Tells each exchange the heat that it brings into the body, and the temperatures of the surface.
-    pub(super) fn report(&self, below: &Below<'_>) {
+    /// Passes the power of each exchange and the temperatures of the surface to the exchange.
+    pub(super) fn report(&self, points: &ConductingPoints<'_>) {
         let mut power = vec![0.0; self.exchanges.len()];
         let cells = self
             .exchanges
@@ -252,8 +257,8 @@ impl Surface {
             let laws: Vec<&dyn SurfaceLaw> = borrowed.iter().map(|law| &**law).collect();
             for face in &self.faces {
                 let parts = face.parts(&self.parts);
-                let all = (parts, &laws[..], self.is_linear);
-                let surface = balance(all, &HalfCell::of(face, below)).temperature;
+                let half = HalfCell::of(face, points);
+                let surface = balance(parts, &laws, self.is_linear, &half).temperature;
                 for part in parts {
                     let (exchange, cell) = (part.exchange as usize, part.cell as usize);
                     let flux = laws[exchange].flux(cell, surface).flux;
@@ -268,7 +273,7 @@ impl Surface {
         }
     }
 
-    /// Bound of the temperatures of the points at the surface, K: in steps of two per cent, so that it changes rarely.
+    /// Bound of the temperatures of the points at the surface, K, in steps of two per cent, so that it rarely changes.
     pub(super) fn hottest(&self, temperature: &[f64]) -> f64 {
         const STEP: f64 = 1.02;
         let faces = self.faces.iter().map(|f| temperature[f.point as usize]);
@@ -276,8 +281,8 @@ impl Surface {
         STEP.powf((hottest.ln() / STEP.ln()).ceil())
     }
 
-    /// Calls `visit` with each point at the surface and a bound of what draws it to the surroundings while no point is warmer than
-    /// `hottest` (K), the sum over its faces over its volume (W/(m³ K)).
+    /// Calls `visit` with each point at the surface and a bound of the conductance to the surroundings over its volume
+    /// (W/(m³ K)) while no point is warmer than `hottest` (K).
     pub(super) fn visit_stiffness(
         &self,
         hottest: f64,
@@ -291,7 +296,7 @@ impl Surface {
             let mut at_point = 0.0;
             for face in faces {
                 let parts = face.parts(&self.parts);
-                let coefficient = |p: &Part| p.fraction * laws[p.exchange as usize];
+                let coefficient = |p: &FaceLaw| p.fraction * laws[p.exchange as usize];
                 let coefficient: f64 = parts.iter().map(coefficient).sum();
                 if coefficient > 0.0 {
                     let resistance = 1.0 / coefficient + face.depth / conductivity(point);
@@ -303,38 +308,40 @@ impl Surface {
     }
 }
 
-/// The matter between a point and its face.
+/// The half cell between a point and its face.
 struct HalfCell<'a> {
-    below: &'a Below<'a>,
+    points: &'a ConductingPoints<'a>,
     point: usize,
-    /// m; zero where the point is at the surface.
+    /// Distance of the surface, m; zero where the point is at the surface.
     depth: f64,
 }
 
 impl<'a> HalfCell<'a> {
-    fn of(face: &ExposedFace, below: &'a Below<'_>) -> HalfCell<'a> {
+    fn of(face: &ExposedFace, points: &'a ConductingPoints<'_>) -> HalfCell<'a> {
         HalfCell {
-            below,
+            points,
             point: face.point as usize,
             depth: face.depth,
         }
     }
 
-    /// Of a half cell whose surface is warmer than the liquidus (K): that, and the conductance of its melt, W/(m² K).
+    /// Liquidus (K) and conductance of the melt (W/(m² K)) of a half cell whose surface is warmer than its liquidus.
     fn melt(&self, surface: f64) -> Option<(f64, f64)> {
-        let own = self.below.temperature[self.point];
-        let melt = || self.below.melt(self.point);
+        let own = self.points.temperature[self.point];
+        let melt = || self.points.melt(self.point);
         let (liquidus, conductivity) = (surface > own).then(melt).flatten()?;
         (surface > liquidus).then(|| (liquidus, conductivity / self.depth))
     }
 }
 
 /// The flux through a face in series with the half cell below it. Where the surface melts and the point does not, the part above
-/// the liquidus conducts as melt: a loose powder under a strong flux would have no bound of its temperature.
+/// the liquidus conducts as melt; otherwise the temperature of a loose powder under a strong flux would be unbounded.
 fn balance(
-    (parts, laws, is_linear): (&[Part], &[&dyn SurfaceLaw], bool),
+    parts: &[FaceLaw],
+    laws: &[&dyn SurfaceLaw],
+    is_linear: bool,
     half: &HalfCell<'_>,
-) -> Through {
+) -> SurfaceFlux {
     let at = |temperature: f64| {
         let mut sum = (0.0, 0.0);
         for part in parts {
@@ -344,40 +351,40 @@ fn balance(
         }
         sum
     };
-    let own = half.below.temperature[half.point];
+    let own = half.points.temperature[half.point];
     let mut temperature = own;
     if half.depth == 0.0 {
         let (flux, gain) = at(own);
-        return Through {
+        return SurfaceFlux {
             flux,
             gain,
             temperature,
         };
     }
-    let mut conductance = half.below.conductivity(half.point) / half.depth;
-    // the temperature at the depth of the point if all of the half cell were melt, and its derivative by that of the point
-    let (mut base, mut of_base) = (own, 1.0);
+    let mut conductance = half.points.conductivity(half.point) / half.depth;
+    // temperature of the point if the whole half cell were melt, and its derivative by the temperature of the point
+    let (mut base, mut base_slope) = (own, 1.0);
     let mut is_melt = false;
-    let mut through = Through::default();
+    let mut through = SurfaceFlux::default();
     for _ in 0..ITERATIONS {
         let (flux, slope) = at(temperature);
         let surplus = flux + conductance * (base - temperature);
         // a boiling curve may rise faster than the half cell conducts
         let change = surplus / (conductance - slope.min(0.5 * conductance));
         temperature += change;
-        if !is_melt && let Some((liquidus, of_melt)) = half.melt(temperature) {
+        if !is_melt && let Some((liquidus, melt_conductance)) = half.melt(temperature) {
             temperature = liquidus;
             is_melt = at(liquidus).0 > conductance * (liquidus - own);
             if is_melt {
-                of_base = conductance / of_melt;
-                base = liquidus - of_base * (liquidus - own);
-                conductance = of_melt;
+                base_slope = conductance / melt_conductance;
+                base = liquidus - base_slope * (liquidus - own);
+                conductance = melt_conductance;
             }
             continue;
         }
-        through = Through {
+        through = SurfaceFlux {
             flux: flux + slope * change,
-            gain: of_base * conductance * slope / (conductance - slope.min(0.5 * conductance)),
+            gain: base_slope * conductance * slope / (conductance - slope.min(0.5 * conductance)),
             temperature,
         };
         if is_linear || change.abs() <= CONVERGED * temperature.abs() {

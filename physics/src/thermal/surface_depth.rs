@@ -1,4 +1,4 @@
-//! How far the surface lies from the outermost points, as bonds see it.
+//! Distance of the surface from the outermost points, as it follows from the bonds.
 //!
 //! A flux q enters the outermost points. Far below, the temperature is linear, `T = T_s - q x / k` with the depth x; at the
 //! outermost points it deviates from that line by `c q s / k`, since longer bonds reach beyond them, and bonds at bare
@@ -63,10 +63,10 @@ fn deviation(body: &Body, spec: &FamilySpec, is_mirrored: bool) -> Option<f64> {
     let layer = |x: f64| ((deep - x) / spacing - 0.5).round();
     let positions = &half_space.points.position;
     let layer_of: Vec<f64> = positions.iter().map(|x| layer(x.x)).collect();
-    // points behind the surface have the layers of those that they mirror
+    // points behind the surface have the layers of the points that they mirror
     let mut layer_of_slot = SlotField::zeros(&family);
     layer_of_slot.load(&family, &layer_of[..], Mirrored::Scalar);
-    // the matrix of `sum_j c_ij (T_j - T_i)` over layers, and what a linear temperature leaves
+    // matrix of `sum_j c_ij (T_j - T_i)` over layers, and its residual for a linear temperature
     let mut matrix = DMatrix::<f64>::zeros(known, known);
     let mut rest = DVector::<f64>::zeros(known);
     let linear = |layer: usize| -(layer as f64 + 0.5) * spacing;

@@ -358,8 +358,8 @@ fn thin_walls_have_the_resistances_of_thick_ones() {
     }
 }
 
-/// Nearest neighbours behind faces with mirrored layers have the surface half a spacing away; of longer bonds the
-/// temperature of a bar with a given flux tells the distance.
+/// The surface lies half a spacing from the points for nearest neighbours behind mirrored faces; for longer bonds the
+/// temperature of a bar with a given flux gives the distance.
 #[test]
 fn the_surface_lies_where_the_linear_temperature_below_meets_it() {
     for (horizon, surfaces) in [(1, "mirrored"), (1, "bare"), (3, "mirrored"), (3, "bare")] {

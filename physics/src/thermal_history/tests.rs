@@ -30,7 +30,7 @@ impl Heated {
         setup.next_plugin("heat");
         let temperature = setup.own(0, &keys::TEMPERATURE).expect("free");
         setup.next_plugin("history");
-        let history = history.ready(&mut setup).expect("valid");
+        let history = history.prepare_history(&mut setup).expect("valid");
         setup.finish().expect("complete");
         let mut heated = Heated {
             world,
@@ -111,9 +111,13 @@ fn gradients_of_quadratic_fields_are_exact_also_at_faces() {
         let values: Vec<f64> = body.points.position.iter().map(|x| field(*x)).collect();
         let run = &heated.history;
         let images = images(body, &[]);
-        let around = (&run.neighbours, &images[..]);
+        let neighbourhood = Neighbourhood {
+            body,
+            list: &run.neighbours,
+            images: &images,
+        };
         for (i, x) in body.points.position.iter().enumerate() {
-            let found = gradient(body, around, i, (|_| true, |j: usize| values[j]));
+            let found = neighbourhood.gradient(i, |_| true, |j| values[j]);
             let exact = Vector3::new(
                 2.0 + 8.0 * x.x + if dimension > 1 { x.y } else { 0.0 },
                 -1.0 - 10.0 * x.y + x.x - if dimension > 2 { x.z } else { 0.0 },
@@ -134,8 +138,12 @@ fn gradients_see_the_images_of_points() {
         let values: Vec<f64> = body.points.position.iter().map(|x| field(*x)).collect();
         let reach: Vec<f64> = body.points.spacing.iter().map(|s| RADIUS * s).collect();
         let neighbours = CellList::new(&body.points.position, &reach);
-        let around = (&neighbours, &images(body, symmetry)[..]);
-        let gradient = |i| gradient(body, around, i, (|_| true, |j: usize| values[j]));
+        let neighbourhood = Neighbourhood {
+            body,
+            list: &neighbours,
+            images: &images(body, symmetry),
+        };
+        let gradient = |i| neighbourhood.gradient(i, |_| true, |j| values[j]);
         (0..values.len()).map(gradient).collect::<Vec<_>>()
     };
     let cells = |cells: [usize; 3]| block(cells, 3, 0.1, Store::Lattice, ALLOY);
@@ -182,7 +190,7 @@ fn a_second_pass_replaces_the_cooling_time_of_the_first() {
     assert_eq!(cooling_time(&heated), 0.0);
     heated.step(1.0, |_| 773.15);
     assert!((cooling_time(&heated) - 300.0 / 326.85).abs() < 1e-12);
-    // a pass that stays below 800 °C counts for nothing
+    // a pass that stays below 800 °C has no effect
     heated.step(1.0, |_| 1000.0);
     heated.step(5.0, |_| 600.0);
     assert!((cooling_time(&heated) - 300.0 / 326.85).abs() < 1e-12);
@@ -247,14 +255,14 @@ fn a_level_is_passed_by_linear_temperatures_in_a_fraction_of_a_step() {
     ] {
         assert_eq!(crossing(before, after, 1000.0), passed, "{before} {after}");
         assert_eq!(
-            share_above(before, after, 1000.0),
+            fraction_above(before, after, 1000.0),
             above,
             "{before} {after}"
         );
     }
 }
 
-/// What a point must know from one step to the next survives a restart in the middle of its cooling.
+/// The state of a point is restored by a restart in the middle of its cooling.
 #[test]
 fn a_restart_goes_on_with_the_cooling() {
     let half = || {

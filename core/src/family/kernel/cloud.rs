@@ -75,12 +75,13 @@ impl Family {
         };
         let plane = self.flat.then_some(here[2]);
         // SAFETY: columns are slots (asserted by `Family::take_images`), for each of which there are positions (made
-        // there) and inputs (asserted by `Family::check_inputs`).
-        let (there, other) = unsafe {
-            let there = gather_places(&self.places, plane, columns);
-            let other: [[f64; ROW_LANES]; I] = std::array::from_fn(|i| gather(inputs[i], columns));
-            (there, other)
-        };
+        // there).
+        let there = unsafe { gather_places(&self.places, plane, columns) };
+        let mut other = [[0.0; ROW_LANES]; I];
+        for (other, input) in other.iter_mut().zip(inputs) {
+            // SAFETY: as above, and there are as many inputs as slots (asserted by `Family::check_inputs`).
+            *other = unsafe { gather(input, columns) };
+        }
         for lane in 0..ROW_LANES {
             let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
             let length = (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt();
@@ -248,8 +249,12 @@ unsafe fn gather_places(
     plane: Option<f64>,
     columns: [u32; ROW_LANES],
 ) -> [[f64; ROW_LANES]; 3] {
-    // SAFETY: the contract of the caller.
-    let along = |axis: usize| unsafe { gather(&places[axis], columns) };
-    let z = plane.map_or_else(|| along(2), |z| [z; ROW_LANES]);
-    [along(0), along(1), z]
+    // SAFETY: the contract of the caller. No closures: they would be compiled without the instruction set of the caller.
+    unsafe {
+        let z = match plane {
+            Some(z) => [z; ROW_LANES],
+            None => gather(&places[2], columns),
+        };
+        [gather(&places[0], columns), gather(&places[1], columns), z]
+    }
 }

@@ -1,7 +1,7 @@
 //! Words of a block by the code that they belong to.
 //!
 //! - `M` codes of printers, with numbers from 100 on and those of [`WITH_PLACES`], own every word after them in their block: `M204 P500
-//!   R500`. X, Y and Z before a code of [`WITH_PLACES`] are its own, too, unless the block has a `G` code: `X500 M201`.
+//!   R500`. X, Y and Z before a code of [`WITH_PLACES`] belong to that code, too, unless the block has a `G` code: `X500 M201`.
 //! - Other `M` codes own what follows them but places, arcs with numbers, and feeds, which belong to the motion: `X10 M8`, `M62 P1`.
 //! - `S` belongs to the codes that switch the power, to the motion, or to no code; `M7`, `M8` and their like take no word.
 //!   Next to any other `M` code, in a block without a motion, it is an argument of that code, as are P and R: `S40 M106`.
@@ -30,7 +30,7 @@ pub(super) struct Block {
     pub words: Vec<Word>,
 }
 
-/// Which code the next word belongs to.
+/// Owner of the next word.
 #[derive(Clone, Copy, PartialEq)]
 enum Owner {
     /// The `G` codes of the block, or the motion in force.

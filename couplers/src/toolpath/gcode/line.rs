@@ -9,13 +9,13 @@ use std::fmt;
 /// `M` codes whose text reaches up to the end of the line: files, messages, checks of the machine's name.
 const WITH_TEXT: [u32; 7] = [16, 23, 28, 32, 117, 118, 928];
 
-/// What follows the letter of a word.
+/// Value after the letter of a word.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Value {
     Number(f64),
     /// A text in quotation marks.
     Text,
-    /// Nothing: the letter is a switch.
+    /// No value: the letter is a switch.
     Missing,
 }
 
@@ -56,7 +56,7 @@ impl fmt::Display for Code {
     }
 }
 
-/// What a line is.
+/// Content of a line.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Line {
     /// `%`: begin or end of the program.
@@ -107,7 +107,7 @@ impl Line {
     }
 }
 
-/// What follows blanks and comments.
+/// The text after blanks and comments.
 fn after_comments(text: &str) -> Result<&str, String> {
     let mut rest = text.trim_start();
     loop {
@@ -120,7 +120,7 @@ fn after_comments(text: &str) -> Result<&str, String> {
     }
 }
 
-/// What follows the bracket that closes the first one.
+/// The text after the bracket that closes the first one.
 fn after_brackets(text: &str) -> Result<&str, String> {
     let mut depth = 0;
     for (at, c) in text.char_indices() {
@@ -136,7 +136,7 @@ fn after_brackets(text: &str) -> Result<&str, String> {
     Err("a comment `(` is not closed in its line; close each bracket, or write `;`".into())
 }
 
-/// The first word of a text, and what follows it.
+/// The first word of a text, and the text after it.
 fn read_word(text: &str) -> Result<(Word, &str), String> {
     let chunk = text.split_whitespace().next().unwrap_or(text);
     let strange =
@@ -188,7 +188,7 @@ fn read_word(text: &str) -> Result<(Word, &str), String> {
 
 const EXPRESSION: &str = "; variables and expressions are not evaluated";
 
-/// Length of the number at the begin of a text: a sign, digits, a point, digits.
+/// Length of the number at the start of a text: a sign, digits, a point, digits.
 fn number_length(text: &str) -> usize {
     let digits = |from: usize| {
         let count = text[from..].bytes().take_while(u8::is_ascii_digit).count();

@@ -1,6 +1,7 @@
 //! The controller that runs a program: its state, and what each block does.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 
 use nalgebra::Vector3;
 
@@ -23,39 +24,33 @@ const SKIPPED: [u32; 5] = [10, 11, 28, 29, 30];
 const SUBPROGRAMS: [u32; 3] = [97, 98, 99];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Flow {
-    GoOn,
-    End,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Motion {
+enum MotionCode {
     Rapid,
     Straight,
     Clockwise,
     CounterClockwise,
 }
 
-impl Motion {
-    fn of(code: Code) -> Option<Motion> {
+impl MotionCode {
+    fn of(code: Code) -> Option<MotionCode> {
         match (code.major, code.minor) {
-            (0, 0) => Some(Motion::Rapid),
-            (1, 0) => Some(Motion::Straight),
-            (2, 0) => Some(Motion::Clockwise),
-            (3, 0) => Some(Motion::CounterClockwise),
+            (0, 0) => Some(MotionCode::Rapid),
+            (1, 0) => Some(MotionCode::Straight),
+            (2, 0) => Some(MotionCode::Clockwise),
+            (3, 0) => Some(MotionCode::CounterClockwise),
             _ => None,
         }
     }
 
     fn is_arc(self) -> bool {
-        matches!(self, Motion::Clockwise | Motion::CounterClockwise)
+        matches!(self, MotionCode::Clockwise | MotionCode::CounterClockwise)
     }
 }
 
-/// What the words of a block are for.
+/// Purpose of the words of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Purpose {
-    /// Those of the motion of the block, or of that in force.
+    /// The motion of the block, or the motion in force.
     Motion,
     /// G4.
     Rest,
@@ -70,24 +65,24 @@ pub(super) struct Machine<'a> {
     keys: &'a Gcode,
     skip: Skip,
     track: TrackBuilder,
-    /// m, in the case.
+    /// Position in the case, m.
     pub at: Vector3<f64>,
-    /// Where the zero of the program lies in the case, m.
+    /// Position of the zero of the program in the case, m.
     zero: Vector3<f64>,
     /// Values of A, B, C, U, V and W.
     others: [f64; 6],
     /// Whether a move with a feed has been made.
     has_moved: bool,
-    /// While it is on, W.
+    /// Power while it is on, W.
     power: Option<f64>,
     default_power: Option<f64>,
     is_on: bool,
     /// Length unit of the program, m.
     pub unit: f64,
     is_relative: bool,
-    /// m/s.
+    /// Feed, m/s.
     feed: Option<f64>,
-    motion: Option<Motion>,
+    motion: Option<MotionCode>,
     /// G54 to G59.3, once one is chosen.
     offset: Option<Code>,
     /// Codes that were skipped: the first line, and how often.
@@ -104,7 +99,8 @@ impl<'a> Machine<'a> {
     pub fn new(
         keys: &'a Gcode,
         skip: Skip,
-        (time, start): (f64, Vector3<f64>),
+        time: f64,
+        start: Vector3<f64>,
         power: Option<f64>,
     ) -> Self {
         Machine {
@@ -127,8 +123,9 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Runs a block, in line `line` (counted from 1); an error says what is wrong with it.
-    pub fn run(&mut self, block: &Block, line: usize) -> Result<Flow, String> {
+    /// Runs a block, in line `line` (counted from 1), and breaks at the end of the program; an error says what is wrong with
+    /// the block.
+    pub fn run(&mut self, block: &Block, line: usize) -> Result<ControlFlow<()>, String> {
         let mut purpose = None;
         let mut named = None;
         for &code in &block.general {
@@ -149,7 +146,7 @@ impl<'a> Machine<'a> {
             }
             Some((purpose, _)) => purpose,
             None if machine_place => {
-                if self.motion.is_some_and(|m| m != Motion::Rapid) {
+                if self.motion.is_some_and(|m| m != MotionCode::Rapid) {
                     let message = "`G53` moves to a place of the machine, which the case does not know, expected it with G0";
                     return Err(message.into());
                 }
@@ -172,10 +169,13 @@ impl<'a> Machine<'a> {
         if waits && self.keys.wait_until.is_some() {
             self.track.begin_pass(self.keys.wait_until.as_ref());
         }
-        Ok(if ends { Flow::End } else { Flow::GoOn })
+        Ok(match ends {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        })
     }
 
-    /// The path of the program, with a warning for each code that was skipped; nothing without a move.
+    /// The path of the program, with a warning for each code that was skipped; `None` without a move.
     pub fn finish(mut self) -> Option<Track> {
         for (code, (line, count)) in self.skipped {
             let more = match count - 1 {
@@ -194,9 +194,9 @@ impl<'a> Machine<'a> {
         self.skipped.entry(code).or_insert((line, 0)).1 += 1;
     }
 
-    /// Takes up a `G` code; what it uses the words of its block for.
+    /// Applies a `G` code; returns the purpose of the words of its block, if it has one.
     fn prepare(&mut self, code: Code, line: usize) -> Result<Option<Purpose>, String> {
-        if let Some(motion) = Motion::of(code) {
+        if let Some(motion) = MotionCode::of(code) {
             self.motion = Some(motion);
             return Ok(Some(Purpose::Motion));
         }
@@ -243,7 +243,7 @@ impl<'a> Machine<'a> {
         Ok(None)
     }
 
-    /// Takes up an `M` code; whether the program ends.
+    /// Applies an `M` code; returns whether the program ends.
     fn switch(&mut self, code: Code, line: usize) -> Result<bool, String> {
         if self.skip.switches.contains(&code) {
             self.note_skipped(format!("M{code}"), line);
@@ -341,10 +341,10 @@ impl<'a> Machine<'a> {
         self.go(block, motion)
     }
 
-    /// Refuses letters that mean nothing here.
+    /// Refuses letters without a meaning in the block.
     fn check_letters(&self, block: &Block) -> Result<(), String> {
         let has = |major: u32| block.general.iter().any(|c| c.major == major);
-        let is_arc = self.motion.is_some_and(Motion::is_arc);
+        let is_arc = self.motion.is_some_and(MotionCode::is_arc);
         for word in &block.words {
             let letter = word.letter;
             let is_known = "XYZIJKRFS".contains(letter)
@@ -365,9 +365,9 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    /// Refuses a change of an axis that the path does not have. Before the first move with a feed it is a matter of set-up.
-    fn keep_other_axes(&mut self, block: &Block, motion: Motion) -> Result<(), String> {
-        let is_setup = !self.has_moved && motion == Motion::Rapid;
+    /// Refuses a change of an axis that the path does not have, except before the first move with a feed.
+    fn keep_other_axes(&mut self, block: &Block, motion: MotionCode) -> Result<(), String> {
+        let is_setup = !self.has_moved && motion == MotionCode::Rapid;
         for (value, letter) in self.others.iter_mut().zip(OTHER_AXES.chars()) {
             let Some(given) = block.number(letter)? else {
                 continue;
@@ -389,7 +389,7 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    fn go(&mut self, block: &Block, motion: Motion) -> Result<(), String> {
+    fn go(&mut self, block: &Block, motion: MotionCode) -> Result<(), String> {
         self.keep_other_axes(block, motion)?;
         if !block.has_any("XYZIJKR") {
             return Ok(());
@@ -405,7 +405,7 @@ impl<'a> Machine<'a> {
                 to[axis] = from + value * self.unit;
             }
         }
-        if motion == Motion::Rapid {
+        if motion == MotionCode::Rapid {
             self.track.go(to, self.keys.rapid_speed, 0.0);
             self.at = to;
             return Ok(());
@@ -413,7 +413,7 @@ impl<'a> Machine<'a> {
         let feed = self.feed.ok_or("a move comes before the first feed `F`")?;
         let power = self.power()?;
         if motion.is_arc() {
-            let (centre, angle) = self.arc(block, to, motion == Motion::Clockwise)?;
+            let (centre, angle) = self.arc(block, to, motion == MotionCode::Clockwise)?;
             let radius = (self.at - centre).norm();
             let duration = angle.abs() * radius / feed;
             self.track.turn(centre, angle / duration, duration, power);

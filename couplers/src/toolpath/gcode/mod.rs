@@ -40,7 +40,7 @@ use serde::{Deserialize, Serialize};
 
 use block::Block;
 use line::{Code, Line};
-use machine::{Flow, Machine, Skip};
+use machine::{Machine, Skip};
 
 use super::{ToolpathError, Track, WaitUntil, finite, not_negative, place, positive};
 
@@ -212,7 +212,7 @@ impl Gcode {
         positive("rapid_speed", self.rapid_speed)?;
         not_negative("power_per_s", self.power_per_s)?;
         let time = finite("start_time", self.start_time)?;
-        let mut machine = Machine::new(self, self.skipped()?, (time, start), default_power);
+        let mut machine = Machine::new(self, self.skipped()?, time, start, default_power);
         let text = text.trim_start_matches('\u{feff}');
         // whether a `%`, and whether a block came before
         let [mut has_begun, mut has_block] = [false; 2];
@@ -239,7 +239,8 @@ impl Gcode {
             }
             has_block = true;
             let block = Block::sort(&words, self).map_err(at_line(line))?;
-            if machine.run(&block, line).map_err(at_line(line))? == Flow::End {
+            let flow = machine.run(&block, line).map_err(at_line(line))?;
+            if flow.is_break() {
                 break;
             }
         }

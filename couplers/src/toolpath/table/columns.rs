@@ -1,7 +1,7 @@
 //! Columns of a table: quantity and unit from its header, or from the documentation of its format.
 //!
 //! A header names a column by its quantity, in any order and case, with a unit in brackets: `X(mm)`, `power [W]`, `pmod`.
-//! Lengths without a unit have that of the format. Names and units that are not known are refused.
+//! Lengths without a unit have the unit of the format. Unknown names and units are refused.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use crate::toolpath::ToolpathError;
 
-/// What a column contains.
+/// Quantity of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Quantity {
     /// s.
@@ -26,7 +26,7 @@ pub(super) enum Quantity {
     Mode,
     /// Speed of a move (m/s), duration of a rest (s).
     Parameter,
-    /// Of a camera; not used.
+    /// Trigger of a camera; not used.
     Trigger,
     /// Whether the path waits.
     Wait,
@@ -86,10 +86,10 @@ struct Column {
     unit: f64,
 }
 
-/// How a format is documented.
+/// Layout of a format.
 #[derive(Debug)]
 pub(super) struct Layout {
-    /// Columns of a file without a header, in the words of a header. Lengths without a unit have that of x here.
+    /// Columns of a file without a header, in the form of a header. Lengths without a unit have the unit of x.
     pub header: &'static str,
     /// Whether a file must have a header.
     pub needs_header: bool,
@@ -106,12 +106,12 @@ pub(super) struct Layout {
 pub(super) struct Numbers<'a> {
     path: &'a Path,
     columns: Vec<Column>,
-    pub rows: Vec<Row>,
+    pub rows: Vec<TableRow>,
 }
 
 /// A row of numbers, in SI units; `None` for empty entries.
 #[derive(Debug)]
-pub(super) struct Row {
+pub(super) struct TableRow {
     /// Line in the file, counted from 1.
     pub line: u64,
     values: Vec<Option<f64>>,
@@ -264,7 +264,7 @@ impl Layout {
         Ok(columns)
     }
 
-    fn row(&self, line: u64, entries: &[&str], columns: &[Column]) -> Result<Row, String> {
+    fn row(&self, line: u64, entries: &[&str], columns: &[Column]) -> Result<TableRow, String> {
         let optional = columns
             .iter()
             .rev()
@@ -285,13 +285,13 @@ impl Layout {
             .zip(columns)
             .map(number)
             .collect::<Result<_, _>>()?;
-        Ok(Row { line, values })
+        Ok(TableRow { line, values })
     }
 }
 
 impl Numbers<'_> {
     /// The value of a quantity in a row, SI units; `None` where the row has none.
-    pub fn get(&self, row: &Row, quantity: Quantity) -> Result<Option<f64>, ToolpathError> {
+    pub fn get(&self, row: &TableRow, quantity: Quantity) -> Result<Option<f64>, ToolpathError> {
         let at = self.columns.iter().position(|c| c.quantity == quantity);
         let value = at.and_then(|at| row.values.get(at).copied().flatten());
         match value {
@@ -303,12 +303,12 @@ impl Numbers<'_> {
     }
 
     /// The value of a quantity that every row has.
-    pub fn need(&self, row: &Row, quantity: Quantity) -> Result<f64, ToolpathError> {
+    pub fn need(&self, row: &TableRow, quantity: Quantity) -> Result<f64, ToolpathError> {
         Ok(self.get(row, quantity)?.unwrap_or(0.0))
     }
 
     /// Power in a row, W: as given, as a factor of that of the source (`usual`), or that of the source.
-    pub fn power(&self, row: &Row, usual: Option<f64>) -> Result<f64, ToolpathError> {
+    pub fn power(&self, row: &TableRow, usual: Option<f64>) -> Result<f64, ToolpathError> {
         let no_power = || ToolpathError::NoPower {
             key: "power".into(),
         };
@@ -326,14 +326,14 @@ impl Numbers<'_> {
     }
 
     /// The place in a row, m.
-    pub fn place(&self, row: &Row) -> Result<Vector3<f64>, ToolpathError> {
+    pub fn place(&self, row: &TableRow) -> Result<Vector3<f64>, ToolpathError> {
         Ok([self.need(row, X)?, self.need(row, Y)?, self.need(row, Z)?].into())
     }
 
-    /// A value that cannot be.
+    /// Error of a value outside its range.
     pub fn wrong(
         &self,
-        row: &Row,
+        row: &TableRow,
         quantity: Quantity,
         value: f64,
         expected: &'static str,

@@ -111,15 +111,15 @@ impl Table {
         let numbers = layout.read(content, path, self.power_as == Some(PowerAs::Factor))?;
         let wait = self.wait_until.as_ref();
         match self.format {
-            TableFormat::Csv => timed::timed(&numbers, (power, wait), Between::Linear),
-            TableFormat::Events => timed::timed(&numbers, (power, None), Between::Held),
+            TableFormat::Csv => timed::timed(&numbers, power, wait, Between::Linear),
+            TableFormat::Events => timed::timed(&numbers, power, None, Between::Held),
             TableFormat::AdditiveFoam | TableFormat::Adamantine | TableFormat::Thesis => {
                 scan_path::segments(&numbers, power)
             }
             TableFormat::Xypt => {
                 let step = positive("time_step", self.time_step.unwrap_or(SCANNER_STEP))?;
                 let z = finite("z", self.z.unwrap_or(0.0))?;
-                scan_path::scanner(&numbers, power, (step, z))
+                scan_path::scanner(&numbers, power, step, z)
             }
         }
     }

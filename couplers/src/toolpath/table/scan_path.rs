@@ -85,7 +85,8 @@ pub(super) fn segments(numbers: &Numbers<'_>, power: Option<f64>) -> Result<Trac
 pub(super) fn scanner(
     numbers: &Numbers<'_>,
     power: Option<f64>,
-    (time_step, z): (f64, f64),
+    time_step: f64,
+    z: f64,
 ) -> Result<Track, ToolpathError> {
     let mut track: Option<(TrackBuilder, f64)> = None;
     for row in &numbers.rows {

@@ -196,87 +196,90 @@ fn commands_of_a_scanner_are_rows_at_equal_intervals() {
     assert_eq!(blanks.energy(0.0, 1.0), 0.5);
 }
 
+/// Format, content and a part of the message.
+const MISTAKES: &[(&str, &str, &str)] = &[
+    (
+        "additivefoam",
+        "mode x y z power param\n\n0 0 0 0 1\n",
+        "line 3",
+    ),
+    (
+        "additivefoam",
+        "mode x y z power param\n0 0 0 0 b 1\n0 0 0 0 1 1\n",
+        "line 2",
+    ),
+    (
+        "additivefoam",
+        "mode x y z power param\n0 1 0 0 1 1\n0 0 0 0 b 1\n",
+        "`b` is not a number",
+    ),
+    (
+        "additivefoam",
+        "mode x y z power param\n2 0 0 0 1 1\n",
+        "`mode` is 2",
+    ),
+    (
+        "additivefoam",
+        "mode x y z power param\n0 1 0 0 1 0\n",
+        "`parameter` is 0",
+    ),
+    (
+        "additivefoam",
+        "mode x y z power param\n1 0 0 0 1 -1\n",
+        "`parameter` is -1",
+    ),
+    (
+        "additivefoam",
+        "mode x y z power param\n1 0 0 0 -1 1\n",
+        "`power` is -1",
+    ),
+    (
+        "additivefoam",
+        "mode x y z pmod param\n1 0 0 0 -1 1\n",
+        "`factor` is -1",
+    ),
+    (
+        "additivefoam",
+        "mode x y z power param\n1 0 0 0 1 1 7\n",
+        "it has 7 entries",
+    ),
+    ("additivefoam", "mode x y z power param\n", "0 rows"),
+    (
+        "additivefoam",
+        "mode x y z power p\n1 0 0 0 1 1\n",
+        "line 1 of the toolpath table path.txt cannot be read: column `p` is there twice",
+    ),
+    (
+        "additivefoam",
+        "mode x(ft) y z power param\n",
+        "the unit of column `x(ft)` is not known",
+    ),
+    (
+        "adamantine",
+        "Number of path segments\n3\nMode x y z pmod param\n1 0 0 0 1 1\n",
+        "line 2 of the toolpath table path.txt cannot be read: 3 segments are announced, but 1 follow",
+    ),
+    ("events", "0 0 0 0 1\n-1 1 0 0 0\n", "line 2"),
+    (
+        "events",
+        "0 0 0 0 1 0 0 0 1\n1 1 0 0 0 0 0 0 0\n",
+        "it has 9 entries",
+    ),
+    (
+        "events",
+        "time,x,y,z\n0 0 0 0\n",
+        "the column of the power is missing",
+    ),
+    ("events", "0 0 0 0 1\n", "1 rows"),
+    ("xypt", "x,y,power,trigger\n0,0\n", "line 2"),
+    ("xypt", "0,0,1,0\n0,nan,1,0\n", "line 2"),
+    ("xypt", "0,0,1,0\n1,0,-1,0\n", "`power` is -1"),
+    ("xypt", "0,0,1,0\n", "1 rows"),
+];
+
 #[test]
 fn mistakes_name_the_line_and_the_column() {
-    for (format, content, expected) in [
-        (
-            "additivefoam",
-            "mode x y z power param\n\n0 0 0 0 1\n",
-            "line 3",
-        ),
-        (
-            "additivefoam",
-            "mode x y z power param\n0 0 0 0 b 1\n0 0 0 0 1 1\n",
-            "line 2",
-        ),
-        (
-            "additivefoam",
-            "mode x y z power param\n0 1 0 0 1 1\n0 0 0 0 b 1\n",
-            "`b` is not a number",
-        ),
-        (
-            "additivefoam",
-            "mode x y z power param\n2 0 0 0 1 1\n",
-            "`mode` is 2",
-        ),
-        (
-            "additivefoam",
-            "mode x y z power param\n0 1 0 0 1 0\n",
-            "`parameter` is 0",
-        ),
-        (
-            "additivefoam",
-            "mode x y z power param\n1 0 0 0 1 -1\n",
-            "`parameter` is -1",
-        ),
-        (
-            "additivefoam",
-            "mode x y z power param\n1 0 0 0 -1 1\n",
-            "`power` is -1",
-        ),
-        (
-            "additivefoam",
-            "mode x y z pmod param\n1 0 0 0 -1 1\n",
-            "`factor` is -1",
-        ),
-        (
-            "additivefoam",
-            "mode x y z power param\n1 0 0 0 1 1 7\n",
-            "it has 7 entries",
-        ),
-        ("additivefoam", "mode x y z power param\n", "0 rows"),
-        (
-            "additivefoam",
-            "mode x y z power p\n1 0 0 0 1 1\n",
-            "line 1 of the toolpath table path.txt cannot be read: column `p` is there twice",
-        ),
-        (
-            "additivefoam",
-            "mode x(ft) y z power param\n",
-            "the unit of column `x(ft)` is not known",
-        ),
-        (
-            "adamantine",
-            "Number of path segments\n3\nMode x y z pmod param\n1 0 0 0 1 1\n",
-            "line 2 of the toolpath table path.txt cannot be read: 3 segments are announced, but 1 follow",
-        ),
-        ("events", "0 0 0 0 1\n-1 1 0 0 0\n", "line 2"),
-        (
-            "events",
-            "0 0 0 0 1 0 0 0 1\n1 1 0 0 0 0 0 0 0\n",
-            "it has 9 entries",
-        ),
-        (
-            "events",
-            "time,x,y,z\n0 0 0 0\n",
-            "the column of the power is missing",
-        ),
-        ("events", "0 0 0 0 1\n", "1 rows"),
-        ("xypt", "x,y,power,trigger\n0,0\n", "line 2"),
-        ("xypt", "0,0,1,0\n0,nan,1,0\n", "line 2"),
-        ("xypt", "0,0,1,0\n1,0,-1,0\n", "`power` is -1"),
-        ("xypt", "0,0,1,0\n", "1 rows"),
-    ] {
+    for &(format, content, expected) in MISTAKES {
         let found = table(&format!("format = '{format}'"), content).expect_err(content);
         assert!(found.contains(expected), "{content}: {found}");
     }

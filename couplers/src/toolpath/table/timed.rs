@@ -1,12 +1,12 @@
 //! Tables of places and powers in time: `csv` with linear powers between rows, `events` with powers that hold until the next row.
 
-use super::columns::{Layout, Numbers, Quantity, Row};
+use super::columns::{Layout, Numbers, Quantity, TableRow};
 use crate::toolpath::track::TrackBuilder;
 use crate::toolpath::{ToolpathError, Track, WaitUntil};
 
 use Quantity::{Time, Wait, X, Y, Z};
 
-/// The usual table.
+/// Rows with linear powers between them.
 pub(super) static CSV: Layout = Layout {
     header: "time,x,y,z,power",
     needs_header: true,
@@ -15,7 +15,7 @@ pub(super) static CSV: Layout = Layout {
     needs_power: false,
 };
 
-/// A series of events.
+/// Rows whose powers hold until the next row.
 pub(super) static EVENTS: Layout = Layout {
     header: "time,x,y,z,power",
     needs_header: false,
@@ -24,19 +24,20 @@ pub(super) static EVENTS: Layout = Layout {
     needs_power: true,
 };
 
-/// How the power changes between two rows.
+/// Power between two rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Between {
-    /// Linearly.
+    /// Linear.
     Linear,
-    /// It is that of the earlier row.
+    /// The power of the earlier row holds.
     Held,
 }
 
-/// The path through the rows.
+/// The path through the rows; rows with a wait begin a pass with `wait`.
 pub(super) fn timed(
     numbers: &Numbers<'_>,
-    (power, wait): (Option<f64>, Option<&WaitUntil>),
+    power: Option<f64>,
+    wait: Option<&WaitUntil>,
     between: Between,
 ) -> Result<Track, ToolpathError> {
     let mut track: Option<TrackBuilder> = None;
@@ -52,7 +53,7 @@ pub(super) fn timed(
                 return Err(not_in_order(numbers, row, time, before));
             }
             let is_move = track.position() != place;
-            ramps.look([power_before, power], time > before && is_move);
+            ramps.add([power_before, power], time > before && is_move);
             let powers = match between {
                 Between::Linear => [power_before, power],
                 Between::Held => [power_before; 2],
@@ -72,7 +73,7 @@ pub(super) fn timed(
     }
     if let Some(track) = &mut track {
         match (between, last) {
-            (Between::Linear, _) if ramps.look_like_switching() => track.warn(format!(
+            (Between::Linear, _) if ramps.resemble_switching() => track.warn(format!(
                 "in the toolpath table {} the power rises and falls linearly while the source moves between rows; with `format = \
                  \"events\"` the power of a row holds until the next one",
                 numbers.path().display()
@@ -89,7 +90,7 @@ pub(super) fn timed(
         .ok_or_else(|| numbers.too_short())
 }
 
-fn not_in_order(numbers: &Numbers<'_>, row: &Row, time: f64, previous: f64) -> ToolpathError {
+fn not_in_order(numbers: &Numbers<'_>, row: &TableRow, time: f64, previous: f64) -> ToolpathError {
     ToolpathError::TableTime {
         path: numbers.path().into(),
         line: row.line,
@@ -98,19 +99,19 @@ fn not_in_order(numbers: &Numbers<'_>, row: &Row, time: f64, previous: f64) -> T
     }
 }
 
-/// Whether a table with linear powers looks like one whose powers hold until the next row.
+/// Ramps of the power, by which a table with linear powers resembles one whose powers hold until the next row.
 #[derive(Default)]
 struct Ramps {
-    /// The only power above 0, W.
+    /// First power above 0, W.
     level: Option<f64>,
-    /// Whether there is another one.
+    /// Whether there is another power above 0.
     has_levels: bool,
-    /// Whether it rises from 0 or falls to 0 during a move.
+    /// Whether the power rises from 0 or falls to 0 during a move.
     has_ramps: bool,
 }
 
 impl Ramps {
-    fn look(&mut self, [from, to]: [f64; 2], is_move: bool) {
+    fn add(&mut self, [from, to]: [f64; 2], is_move: bool) {
         for power in [from, to].into_iter().filter(|p| *p > 0.0) {
             let level = *self.level.get_or_insert(power);
             self.has_levels |= level != power;
@@ -118,7 +119,7 @@ impl Ramps {
         self.has_ramps |= is_move && (from == 0.0) != (to == 0.0);
     }
 
-    fn look_like_switching(&self) -> bool {
+    fn resemble_switching(&self) -> bool {
         !self.has_levels && self.has_ramps
     }
 }

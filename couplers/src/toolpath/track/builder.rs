@@ -16,6 +16,15 @@ pub(in crate::toolpath) struct TrackBuilder {
     direction: Vector3<f64>,
 }
 
+/// A turn about a centre in a plane.
+pub(in crate::toolpath) struct Turn {
+    pub centre: Vector3<f64>,
+    pub plane: Plane,
+    /// Angular velocity, rad/s; clockwise where negative.
+    pub rate: f64,
+    pub facing: Facing,
+}
+
 impl TrackBuilder {
     pub fn new(time: f64, position: Vector3<f64>) -> Self {
         Self {
@@ -28,7 +37,7 @@ impl TrackBuilder {
         }
     }
 
-    /// Where the last move ends (m).
+    /// Position at the end of the last move (m).
     pub fn position(&self) -> Vector3<f64> {
         self.position
     }
@@ -50,7 +59,7 @@ impl TrackBuilder {
         }
     }
 
-    /// A straight move that takes `duration` (s); no motion when `to` is where the source is.
+    /// A straight move that takes `duration` (s); a rest when `to` is the present position.
     pub fn glide(&mut self, to: Vector3<f64>, duration: f64, power: [f64; 2]) {
         let way = to - self.position;
         if let Some(direction) = way.try_normalize(0.0) {
@@ -71,7 +80,7 @@ impl TrackBuilder {
         self.glide(to, (to - self.position).norm() / speed, [power; 2]);
     }
 
-    /// A straight move without an end, until `end` (s) (infinity for never).
+    /// A straight move in a direction until `end` (s), which may be infinite.
     pub fn go_on(&mut self, direction: Vector3<f64>, speed: f64, end: f64, power: f64) {
         self.direction = direction;
         let curve = Curve::Straight {
@@ -86,20 +95,25 @@ impl TrackBuilder {
         self.glide(self.position, duration, [power; 2]);
     }
 
-    /// A turn about `centre` in a plane normal to z, from where the source is, at `rate` (rad/s) (negative: clockwise).
+    /// A turn about `centre` in a plane normal to z, from the present position, at `rate` (rad/s; clockwise where negative).
     pub fn turn(&mut self, centre: Vector3<f64>, rate: f64, duration: f64, power: f64) {
-        let plane = [Vector3::x(), Vector3::y()];
-        self.turn_in(centre, (plane, Facing::Fixed), (rate, duration), power);
+        let turn = Turn {
+            centre,
+            plane: [Vector3::x(), Vector3::y()],
+            rate,
+            facing: Facing::Fixed,
+        };
+        self.turn_in(turn, duration, power);
     }
 
-    /// A turn about `centre` in a plane, from where the source is, at a rate (rad/s) (negative: clockwise) for a time (s).
-    pub fn turn_in(
-        &mut self,
-        centre: Vector3<f64>,
-        (plane, facing): (Plane, Facing),
-        (rate, duration): (f64, f64),
-        power: f64,
-    ) {
+    /// A turn that takes `duration` (s), from the present position.
+    pub fn turn_in(&mut self, turn: Turn, duration: f64, power: f64) {
+        let Turn {
+            centre,
+            plane,
+            rate,
+            facing,
+        } = turn;
         let [u, v] = plane;
         let arm = self.position - centre;
         let [x, y] = [arm.dot(&u), arm.dot(&v)];
@@ -119,7 +133,7 @@ impl TrackBuilder {
         self.direction = tangent.try_normalize(0.0).unwrap_or(self.direction);
     }
 
-    /// Tells of what may be a mistake.
+    /// Adds a warning of a possible mistake.
     pub fn warn(&mut self, message: String) {
         self.warnings.push(message);
     }
@@ -132,8 +146,8 @@ impl TrackBuilder {
         });
     }
 
-    /// A whole track, whose clock starts now; until its first move the source rests at its first place. `torch` is the axis
-    /// of the torch where the track does not give it.
+    /// A whole track, whose time starts now; until its first move the source rests at its first position. `torch` is the
+    /// axis of the torch where the track does not give it.
     pub fn follow(&mut self, track: &Track, torch: Option<Vector3<f64>>) {
         let shift = self.time;
         self.warnings.extend(track.warnings.iter().cloned());
@@ -161,7 +175,8 @@ impl TrackBuilder {
         &mut self,
         to: Vector3<f64>,
         speed: f64,
-        (sideways, rate): (Vector3<f64>, f64),
+        sideways: Vector3<f64>,
+        rate: f64,
         power: f64,
     ) {
         let way = to - self.position;

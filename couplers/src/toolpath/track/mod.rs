@@ -2,7 +2,7 @@
 
 mod builder;
 
-pub(super) use builder::TrackBuilder;
+pub(super) use builder::{TrackBuilder, Turn};
 
 use nalgebra::Vector3;
 
@@ -29,13 +29,13 @@ pub struct Pose {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
     moves: Vec<Move>,
-    /// In the order of time; none for a path that is a single pass.
+    /// Passes in the order of time; none for a path with a single pass.
     passes: Vec<Pass>,
-    /// What may be a mistake in its description, as sentences.
+    /// Warnings of possible mistakes in the description of the path, as sentences.
     warnings: Vec<String>,
 }
 
-/// Where a pass of a track begins, and what it waits for.
+/// Start of a pass of a track, and the condition for which it waits.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Pass {
     /// Time of the track, s.
@@ -46,7 +46,7 @@ pub(crate) struct Pass {
 /// Unit vectors that span the plane of an arc; angles count from the first towards the second.
 pub(super) type Plane = [Vector3<f64>; 2];
 
-/// Which way the torch points on an arc.
+/// Direction of the torch on an arc.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Facing {
     Fixed,
@@ -164,7 +164,7 @@ impl Move {
         }
     }
 
-    /// At rest without power at a time of the move.
+    /// Pose at rest without power at a time of the move.
     fn rest(&self, time: f64) -> Pose {
         Pose {
             position: self.position(time),
@@ -206,8 +206,8 @@ impl Track {
         }
     }
 
-    /// The pose at `time` (s) where the source has power, else that at the end of the last move with power, whose directions
-    /// the melt pool keeps. Before the first power, the pose at `time`.
+    /// The pose at `time` (s) where the source has power, otherwise the pose at the end of the last move with power, whose
+    /// directions the melt pool keeps. Before the first power, the pose at `time`.
     pub(crate) fn last_pose_with_power(&self, time: f64) -> Pose {
         let pose = self.pose(time);
         if pose.power > 0.0 {
@@ -224,7 +224,7 @@ impl Track {
         last.map_or_else(|| self.pose(time), |last| last.rest(last.end))
     }
 
-    /// At rest without power at the end of the move before `time` (s), where a path waits.
+    /// Pose at rest without power at the end of the move before `time` (s), where a path waits.
     pub(crate) fn rest_before(&self, time: f64) -> Pose {
         let next = self.moves.partition_point(|m| m.end < time);
         match self.moves.get(next) {
@@ -234,7 +234,7 @@ impl Track {
         }
     }
 
-    /// Where the passes begin and what they wait for; none for a path that is a single pass.
+    /// Starts and conditions of the passes; none for a path with a single pass.
     pub(crate) fn passes(&self) -> &[Pass] {
         &self.passes
     }
@@ -252,7 +252,7 @@ impl Track {
         std::iter::once(self.start()).chain(later).collect()
     }
 
-    /// What may be a mistake in the description of the path, as sentences without a full stop.
+    /// Warnings of possible mistakes in the description of the path, as sentences without a full stop.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }

@@ -75,8 +75,8 @@ impl Fluxes {
             let slot = self.slot[i] as usize;
             let square: f64 = velocity.iter().map(|v| v[slot] * v[slot]).sum();
             let diffusivity = medium.viscosity.value[i] / density[i];
-            let flow = (square.sqrt(), medium.spacing[i]);
-            density[i] * convection.missing_diffusivity(flow, sum, diffusivity) / sum
+            let (speed, spacing) = (square.sqrt(), medium.spacing[i]);
+            density[i] * convection.missing_diffusivity(speed, spacing, sum, diffusivity) / sum
         };
         let points = (0..self.points()).into_par_iter();
         let points = points.with_min_len(POINTS_PER_TASK).map(missing);

@@ -1,29 +1,32 @@
-//! The change of the flow of heat with the temperature.
+//! Derivative of the heat flow by the temperature.
 
 use perimelt_core::family::{ByRules, LayerRule};
 use rayon::prelude::*;
 
-use super::{Conduction, Loaded, Matter};
+use super::{BondConductivity, Conduction, Matter};
 
 impl Conduction {
     /// Fills the slots so that [`Conduction::flow`] gives the derivative of the flow along a change of the temperature (K) at a
-    /// temperature (K): what flows by the potential `k(T) dT`, behind faces by the homogeneous part of their rules. Returns
-    /// false, without an effect, where bonds conduct by more than their temperatures or one potential: between materials, in
-    /// powder, in the ordinary form and that of second derivatives.
+    /// temperature (K): the flow of the potential `k(T) dT`, which continues behind faces by the homogeneous part of their rules.
+    /// Returns false, without an effect, where the flow is not that of one potential: between materials, in powder, in the
+    /// ordinary form and with second derivatives.
     pub(in crate::thermal) fn load_change(
         &mut self,
         matter: &Matter<'_>,
-        (temperature, change): (&[f64], &[f64]),
+        temperature: &[f64],
+        change: &[f64],
     ) -> bool {
-        if ![Loaded::Uniform, Loaded::Potential].contains(&self.what_to_load()) {
+        if ![BondConductivity::Uniform, BondConductivity::Potential]
+            .contains(&self.bond_conductivity())
+        {
             return false;
         }
-        self.loaded = Loaded::Potential;
+        self.loaded = BondConductivity::Potential;
         let mut potential = std::mem::take(&mut self.potential_field);
         let points = temperature.par_iter().zip(change).zip(matter.material);
         let change = points.enumerate().map(|(point, ((&t, change), &m))| {
             let liquid = matter.curves[m as usize].liquid_fraction(t);
-            self.calibration * self.conductivity((point, m), t, liquid) * change
+            self.calibration * self.conductivity(point, m, t, liquid) * change
         });
         change.collect_into_vec(&mut potential);
         let homogeneous = |rule: &LayerRule| LayerRule {

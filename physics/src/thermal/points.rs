@@ -1,4 +1,4 @@
-//! The matter of points, which conducts heat between them and the surface.
+//! Conductivity of points at their temperatures.
 
 use perimelt_core::material::EnthalpyCurve;
 
@@ -6,21 +6,21 @@ use super::conduction::Conduction;
 
 /// Points with their temperatures, K.
 #[derive(Clone, Copy)]
-pub(super) struct Below<'a> {
+pub(super) struct ConductingPoints<'a> {
     pub(super) conduction: &'a Conduction,
-    /// By material.
+    /// Enthalpy curves by material.
     pub(super) curves: &'a [EnthalpyCurve],
-    /// By point.
+    /// Material of each point.
     pub(super) material: &'a [u16],
     pub(super) temperature: &'a [f64],
 }
 
-impl Below<'_> {
+impl ConductingPoints<'_> {
     /// Conductivity of a point, W/(m K).
     pub(super) fn conductivity(&self, point: usize) -> f64 {
         let (m, t) = (self.material[point], self.temperature[point]);
         let liquid = self.curves[m as usize].liquid_fraction(t);
-        self.conduction.conductivity((point, m), t, liquid)
+        self.conduction.conductivity(point, m, t, liquid)
     }
 
     /// Liquidus (K) of a point that is colder, and the conductivity of its melt, W/(m K).

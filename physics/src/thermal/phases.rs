@@ -1,21 +1,20 @@
-//! Conduction where a part of the matter at a point is powder or austenite, and between such points.
+//! Conduction of points that contain powder or austenite.
 
 use perimelt_core::material::Property;
 use perimelt_core::{Bond, BondKernel};
 
 use super::interfaces::in_series;
 
-/// A part of the matter that conducts by properties of its own.
+/// A phase with its own conductivity.
 #[derive(Debug)]
-pub(super) struct Part {
-    /// Of each material, W/(m K).
+pub(super) struct ConductingPhase {
+    /// Conductivity by material, W/(m K).
     conductivity: Vec<Property>,
-    /// By point.
+    /// Fraction of the phase at each point.
     fraction: Vec<f64>,
 }
 
-/// Conduction with a conductivity at each point, where they differ by orders of magnitude: the halves of a bond conduct in
-/// series.
+/// Conduction between points whose conductivities differ by orders of magnitude: the halves of a bond conduct in series.
 pub(super) struct Series;
 
 impl BondKernel<2, 1> for Series {
@@ -26,27 +25,30 @@ impl BondKernel<2, 1> for Series {
     }
 }
 
-impl Part {
-    /// None of it anywhere.
+impl ConductingPhase {
+    /// A phase with the fraction zero at all points.
     pub(super) fn new(conductivity: Vec<Property>, points: usize) -> Self {
-        Part {
+        ConductingPhase {
             conductivity,
             fraction: vec![0.0; points],
         }
     }
 
-    /// Takes over the fraction at each point.
+    /// Sets the fraction at each point.
     pub(super) fn set_fraction(&mut self, fraction: impl Iterator<Item = f64>) {
         self.fraction.clear();
         self.fraction.extend(fraction);
     }
 
-    /// Conductivity of a point whose other matter conducts by `rest`, W/(m K), of which the given part is `whole`.
+    /// Conductivity of a point, W/(m K). `rest` is the conductivity of the other phases; the fraction of this phase is
+    /// relative to the fraction `whole` of the point.
     pub(super) fn mixed(
         &self,
         point: usize,
-        (material, temperature): (usize, f64),
-        (rest, whole): (f64, f64),
+        material: usize,
+        temperature: f64,
+        rest: f64,
+        whole: f64,
     ) -> f64 {
         let fraction = whole * self.fraction[point];
         if fraction <= 0.0 {
