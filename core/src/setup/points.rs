@@ -135,7 +135,7 @@ impl Setup<'_> {
         for happening in &self.happenings {
             let lacks = |plugin: &usize| !self.plugins[*plugin].supports.contains(happening.change);
             if let Some(plugin) = self.acting_plugins(happening.body).find(lacks) {
-                return Err((plugin, self.unsupported(happening)));
+                return Err((plugin, self.unsupported(happening, plugin)));
             }
         }
         self.check_windows()?;
@@ -156,7 +156,7 @@ impl Setup<'_> {
     }
 
     /// The mistake of a plugin that does not support what happens to points.
-    fn unsupported(&self, happening: &Happening) -> SetupError {
+    fn unsupported(&self, happening: &Happening, plugin: usize) -> SetupError {
         let (by, body) = (
             self.label(happening.plugin),
             &self.body(happening.body).name,
@@ -168,7 +168,7 @@ impl Setup<'_> {
             Change::Cuts => format!("`{by}` takes material off body `{body}`"),
             Change::Window => format!("`{by}` moves body `{body}` as a window of finer points"),
         };
-        let message = format!("{what}, which this plugin does not support");
+        let message = format!("{what}, which `{}` does not support", self.label(plugin));
         let expected = format!(
             "plugins that support `{}` (`perimelt list --support`), or a body without it",
             happening.change.name()
@@ -181,7 +181,7 @@ impl Setup<'_> {
         let supports = self.plugins[self.current].supports;
         let mut happenings = self.happenings.iter();
         match happenings.find(|h| h.body == body && !supports.contains(h.change)) {
-            Some(happening) => Err(self.unsupported(happening)),
+            Some(happening) => Err(self.unsupported(happening, self.current)),
             None => Ok(()),
         }
     }

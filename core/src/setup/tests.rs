@@ -450,7 +450,7 @@ fn plugins_support_what_happens_to_the_points_on_which_they_act() {
             if let Some((plugin, _, message)) = refused {
                 assert_eq!(plugin, acting);
                 let expected =
-                    "`deposit` adds material to body `plate`, which this plugin does not support";
+                    "`deposit` adds material to body `plate`, which `heating` does not support";
                 assert!(message.contains(expected), "{message}");
             }
         }
