@@ -13,7 +13,7 @@ pub struct Derivatives {
 }
 
 impl Derivatives {
-    /// All derivatives at a point, in the order of [`Pddo::exponents`].
+    /// All derivatives at a point, in the order of `Pddo::exponents`.
     #[inline]
     pub fn at(&self, point: usize) -> &[f64] {
         let number = self.exponents.len();

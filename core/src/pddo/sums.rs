@@ -95,7 +95,7 @@ impl Pddo {
     /// axis.
     ///
     /// # Panics
-    /// When an array of `field` is not [`Family::slots`] long, or there is not one for each axis.
+    /// When an array of `field` is not `Family::slots` long, or there is not one for each axis.
     pub fn divergence(
         &self,
         field: &[SlotField],

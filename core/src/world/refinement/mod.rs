@@ -9,7 +9,7 @@
 //!
 //! The [`World`] owns the position of the window. A coupler declares the two bodies ([`Setup::refine`](crate::Setup::refine)) and moves the window
 //! between steps ([`World::move_window`]); the physics of both bodies follow it ([`World::refinement`]). Plugins that act on
-//! the window know that its points move ([`Setup::follow_window`](crate::Setup::follow_window)); others are refused.
+//! the window support that ([`Change::Window`](crate::Change)); others are refused.
 
 use std::cell::Cell;
 
