@@ -68,10 +68,10 @@ impl Family {
         let columns: [u32; ROW_LANES] = rows.column[first..first + ROW_LANES]
             .try_into()
             .expect("the slice has as many elements");
-        let weight: [f64; ROW_LANES] = lanes(&rows.weight, first);
-        let dual: [f64; ROW_LANES] = match rows.dual.is_empty() {
-            true => weight,
-            false => lanes(&rows.dual, first),
+        let [weight] = lanes::<1, ROW_LANES>(&[&rows.weight], first);
+        let [dual] = match rows.dual.is_empty() {
+            true => [weight],
+            false => lanes(&[&rows.dual], first),
         };
         let plane = self.flat.then_some(here[2]);
         // SAFETY: columns are slots (asserted by `Family::take_images`), for each of which there are positions (made

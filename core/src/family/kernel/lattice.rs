@@ -121,7 +121,7 @@ pub(super) fn sum_lanes<const I: usize, const O: usize, const N: usize>(
     inputs: &[&[f64]; I],
     slot: usize,
 ) -> [[f64; O]; N] {
-    let own: [[f64; N]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
+    let own: [[f64; N]; I] = lanes(inputs, slot);
     let mut sums = [[0.0; N]; O];
     // each bond is copied: the compiler would gather the fields of a reference lane by lane
     for (number, &StencilBond { offset, bond }) in bonds.stencil.iter().enumerate() {
@@ -132,7 +132,7 @@ pub(super) fn sum_lanes<const I: usize, const O: usize, const N: usize>(
             continue;
         }
         let at = slot.wrapping_add_signed(offset);
-        let other: [[f64; N]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
+        let other: [[f64; N]; I] = lanes(inputs, at);
         for lane in 0..N {
             let bond = bonds.of_lane(number, bond, lane);
             let part = kernel.bond(
@@ -149,10 +149,16 @@ pub(super) fn sum_lanes<const I: usize, const O: usize, const N: usize>(
     std::array::from_fn(|lane| std::array::from_fn(|o| sums[o][lane]))
 }
 
-/// `N` consecutive elements.
+/// The inputs of `N` consecutive slots. A loop, as the compiler does not inline `array::from_fn` into the sweeps of large
+/// kernels.
 #[inline(always)]
-pub(super) fn lanes<const N: usize>(input: &[f64], at: usize) -> [f64; N] {
-    input[at..at + N]
-        .try_into()
-        .expect("the slice has N elements")
+pub(super) fn lanes<const I: usize, const N: usize>(
+    inputs: &[&[f64]; I],
+    at: usize,
+) -> [[f64; N]; I] {
+    let mut values = [[0.0; N]; I];
+    for (values, input) in values.iter_mut().zip(inputs) {
+        values.copy_from_slice(&input[at..at + N]);
+    }
+    values
 }

@@ -127,6 +127,16 @@ impl<'a, const I: usize> SweepInputs<'a, I> {
     }
 }
 
+/// The inputs of a slot; a loop for the reason of [`lattice::lanes`].
+#[inline(always)]
+fn inputs_at<const I: usize>(inputs: &[&[f64]; I], slot: usize) -> [f64; I] {
+    let mut values = [0.0; I];
+    for (value, input) in values.iter_mut().zip(inputs) {
+        *value = input[slot];
+    }
+    values
+}
+
 /// Calls `sweep` with each of `parts` on all threads. The call is dynamic, so that the distribution is compiled once and
 /// not for every kernel; it costs nothing compared with a part.
 fn for_each<T: Sync>(parts: &[T], sweep: &(dyn Fn(&T) + Sync)) {
@@ -360,12 +370,11 @@ impl Family {
         point: usize,
         broken: Bits<'_>,
     ) -> [f64; O] {
-        let at = self.slot_of(point);
-        let own = std::array::from_fn(|i| inputs[i][at]);
+        let own = inputs_at(inputs, self.slot_of(point));
         let mut sums = [0.0; O];
         self.for_each_bond(point, |number, bond, other| {
             if !broken.is_broken(number) {
-                let part = kernel.bond(bond, own, inputs.map(|i| i[other]));
+                let part = kernel.bond(bond, own, inputs_at(inputs, other));
                 (0..O).for_each(|o| sums[o] += part[o]);
             }
         });
@@ -438,7 +447,7 @@ impl Family {
         broken: Bits<'_>,
     ) -> [f64; O] {
         let at = rows.slot[row] as usize;
-        let own = std::array::from_fn(|i| inputs[i][at]);
+        let own = inputs_at(inputs, at);
         let mut sums = [0.0; O];
         let range = rows.start[row]..rows.start[row + 1];
         let columns = &rows.column[range.clone()];
@@ -457,7 +466,7 @@ impl Family {
                 dual,
                 ..self.stencil[step as usize].bond
             };
-            let other = std::array::from_fn(|i| inputs[i][column as usize]);
+            let other = inputs_at(inputs, column as usize);
             let part = kernel.bond(&bond, own, other);
             for o in 0..O {
                 sums[o] += part[o];

@@ -7,7 +7,7 @@ use super::{BoxBlocks, HalfStencil, Pairs};
 use crate::family::blocks::{BLOCK, BlockHead};
 use crate::family::kernel::lattice::{LaneBonds, lanes, sum_lanes};
 use crate::family::kernel::sums::{Output, Planes};
-use crate::family::kernel::{BondKernel, SweepInputs, for_each};
+use crate::family::kernel::{BondKernel, SweepInputs, for_each, inputs_at};
 #[cfg(target_arch = "x86_64")]
 use crate::family::kernel::{Instructions, instructions};
 use crate::family::{Family, StencilBond};
@@ -99,12 +99,12 @@ impl<const I: usize, const O: usize> PairSweep<'_, I, O> {
         let (inputs, broken) = (self.inputs.values, self.inputs.bits(point));
         let half = pairs.ahead.stencil.len();
         let slot = family.slot_of(point);
-        let own = std::array::from_fn(|i| inputs[i][slot]);
+        let own = inputs_at(inputs, slot);
         family.for_each_bond(point, |number, bond, at| {
             if (number >= half) != is_ahead || broken.is_broken(number) {
                 return;
             }
-            let other = std::array::from_fn(|i| inputs[i][at]);
+            let other = inputs_at(inputs, at);
             if is_ahead {
                 let [here, there] = kernel.ends(bond, own, other);
                 (0..O).for_each(|o| self.add(o, slot, [here[o]]));
@@ -189,16 +189,16 @@ fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
     head: BlockHead,
 ) {
     let slot = head.slot as usize;
-    let own: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
+    let own: [[f64; BLOCK]; I] = lanes(inputs, slot);
     let mut sums = [[0.0; BLOCK]; O];
     for (number, &StencilBond { offset, bond }) in bonds.stencil.iter().enumerate() {
         let at = slot.wrapping_add_signed(offset);
-        let other: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
-        let mut others: [[f64; BLOCK]; O] = std::array::from_fn(|o| match o < K::PAIRED {
+        let other: [[f64; BLOCK]; I] = lanes(inputs, at);
+        let mut others = [[0.0; BLOCK]; O];
+        for (o, others) in others.iter_mut().enumerate().take(K::PAIRED) {
             // SAFETY: see `PairSweep::add`.
-            true => unsafe { sweep.planes.get(o, at) },
-            false => [0.0; BLOCK],
-        });
+            *others = unsafe { sweep.planes.get(o, at) };
+        }
         for lane in 0..BLOCK {
             let bond = bonds.of_lane(number, bond, lane);
             let mut here: [f64; O] =
