@@ -34,7 +34,7 @@ pub struct CheckArgs {
 }
 
 pub fn run(args: &CheckArgs) -> Done {
-    args.machine.set_threads()?;
+    args.machine.take()?;
     let case = args
         .machine
         .limited(Case::read(&args.case)?.changed(&args.set)?);

@@ -3,6 +3,8 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use perimelt_core::family::{InstructionSet, limit_instructions};
+
 use super::Done;
 use crate::argument::positive;
 use crate::case::Case;
@@ -53,14 +55,38 @@ pub(super) struct Machine {
     /// Number of threads [default: all cores]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
+    /// Widest instruction set to use: results of two machines are the same bit by bit if both use it
+    /// [default: the widest of the machine]
+    #[arg(long, value_name = "SET")]
+    instructions: Option<Instructions>,
     /// Start also where a body will take more memory than is free
     #[arg(long)]
     any_memory: bool,
 }
 
+/// Instruction sets that a run can be limited to.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Instructions {
+    /// What every machine of the architecture has
+    Baseline,
+    /// AVX2 and fused multiply-adds
+    Avx2,
+    /// AVX-512
+    Avx512,
+}
+
 impl Machine {
-    pub(super) fn set_threads(&self) -> Done {
-        set_threads(self.threads)
+    /// Takes the threads and the instructions for all that this program computes.
+    pub(super) fn take(&self) -> Done {
+        if let Some(set) = self.instructions {
+            limit_instructions(match set {
+                Instructions::Baseline => InstructionSet::Baseline,
+                Instructions::Avx2 => InstructionSet::Avx2,
+                Instructions::Avx512 => InstructionSet::Avx512,
+            })
+            .expect("a command takes the machine before it computes");
+        }
+        take_threads(self.threads)
     }
 
     /// The case with the limit of memory of this command.
@@ -111,7 +137,7 @@ pub fn run(args: &RunArgs) -> Done {
     if args.case.extension().is_some_and(|e| e == "mcap") {
         return Err(ArgumentError::IsLog(args.case.clone()).into());
     }
-    args.common.machine.set_threads()?;
+    args.common.machine.take()?;
     let case = args
         .common
         .machine
@@ -128,7 +154,7 @@ pub fn run(args: &RunArgs) -> Done {
 }
 
 pub fn resume(args: &ResumeArgs) -> Done {
-    args.common.machine.set_threads()?;
+    args.common.machine.take()?;
     let out = args.out.clone().unwrap_or_else(|| args.log.clone());
     let options = args.common.options(out, args.force);
     let case = args.case.as_deref().map(Case::read).transpose()?;
@@ -191,7 +217,7 @@ impl Common {
     }
 }
 
-fn set_threads(threads: Option<usize>) -> Done {
+fn take_threads(threads: Option<usize>) -> Done {
     match threads {
         None => Ok(()),
         Some(0) => Err(ArgumentError::NoThreads.into()),

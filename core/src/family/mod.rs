@@ -45,7 +45,7 @@ pub use broken::BrokenBonds;
 pub use foreign::{ForeignBonds, ForeignGhost, Places};
 pub use ghost_rule::{ByImage, ByRules, Curved, GhostRule, Mirrored, Rising, WithTractions};
 pub use influence::Influence;
-pub use kernel::{AxisPlane, Bond, BondKernel};
+pub use kernel::{AxisPlane, Bond, BondKernel, InstructionSet, limit_instructions};
 pub use layer::{Continuation, Image, LayerRule, Layout, Traction};
 pub use operator::Operator;
 pub use slot_field::{PointValues, SlotField};

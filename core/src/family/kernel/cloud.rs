@@ -4,6 +4,8 @@
 
 use super::lattice::lanes;
 use super::{Bits, Bond, BondKernel, Output, SweepInputs};
+#[cfg(target_arch = "x86_64")]
+use super::{InstructionSet, instructions};
 use crate::family::{Chunk, Family, FamilySpec, Rows};
 
 /// Bonds of a row that are computed together on a cloud: two AVX2 registers.
@@ -178,7 +180,7 @@ impl<'a> Weighing<'a> {
     pub fn weigh(&self, owner: RowOwner, columns: &[u32], weights: &mut [f64]) {
         assert!(columns.len() >= weights.len().next_multiple_of(ROW_LANES));
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
+        if instructions::used() > InstructionSet::Baseline {
             // SAFETY: the instruction set was detected.
             return unsafe { weigh_avx2(self, owner, columns, weights) };
         }

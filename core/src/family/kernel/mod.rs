@@ -14,15 +14,19 @@ use super::broken::Bits;
 use super::{BrokenBonds, Chunk, Family, Rows, Span};
 
 mod cloud;
+mod instructions;
 mod lattice;
 mod pairs;
 mod sums;
+#[cfg(test)]
+mod tests;
 
 #[cfg(not(target_arch = "x86_64"))]
 use cloud::sweep_cloud;
 #[cfg(target_arch = "x86_64")]
 use cloud::sweep_cloud_avx2;
 pub(super) use cloud::{ROW_LANES, RowOwner, Weighing};
+pub use instructions::{InstructionSet, limit_instructions};
 #[cfg(not(target_arch = "x86_64"))]
 use lattice::sweep_lattice;
 #[cfg(target_arch = "x86_64")]
@@ -143,36 +147,6 @@ fn for_each<T: Sync>(parts: &[T], sweep: &(dyn Fn(&T) + Sync)) {
     parts.par_iter().for_each(sweep);
 }
 
-/// Whether this machine has fused multiply-adds, which sweeps that visit bonds once require.
-fn can_fuse() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    return !matches!(instructions(), Instructions::Baseline);
-    #[cfg(not(target_arch = "x86_64"))]
-    return cfg!(target_arch = "aarch64");
-}
-
-/// The instruction sets for which sweeps are compiled.
-#[cfg(target_arch = "x86_64")]
-enum Instructions {
-    /// Without vectors: kernels are evaluated bond by bond.
-    Baseline,
-    /// With fused multiply-adds.
-    Avx2,
-    /// With fused multiply-adds.
-    Avx512,
-}
-
-#[cfg(target_arch = "x86_64")]
-fn instructions() -> Instructions {
-    if !(is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")) {
-        Instructions::Baseline
-    } else if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
-        Instructions::Avx512
-    } else {
-        Instructions::Avx2
-    }
-}
-
 impl Family {
     /// For every point, the sum of `kernel` over its bonds; `inputs` in slot space, `sums`
     /// by point. Bit-identical for any number of threads.
@@ -231,7 +205,7 @@ impl Family {
             broken,
         };
         if const { K::PAIRED > 0 }
-            && can_fuse()
+            && instructions::can_fuse()
             && self.growth.is_none()
             && let Some(pairs) = self.pairs.get_or_init(|| Pairs::new(self))
         {
@@ -396,19 +370,19 @@ impl Family {
             return self.sweep_plainly(kernel, inputs, output, chunk);
         }
         #[cfg(target_arch = "x86_64")]
-        match instructions() {
-            Instructions::Baseline => self.sweep_plainly(kernel, inputs, output, chunk),
+        match instructions::used() {
+            InstructionSet::Baseline => self.sweep_plainly(kernel, inputs, output, chunk),
             // the gather instructions of AVX-512 are slower than single loads
             _ if self.is_cloud() => {
                 // SAFETY: the instruction set was detected.
                 unsafe { sweep_cloud_avx2(self, kernel, inputs, output, chunk) }
             }
             // paired kernels use AVX2: only bodies that are too narrow for pairs are swept here
-            Instructions::Avx512 if const { K::PAIRED == 0 } => {
+            InstructionSet::Avx512 if const { K::PAIRED == 0 } => {
                 // SAFETY: the instruction set was detected.
                 unsafe { sweep_avx512(self, kernel, inputs, output, chunk) }
             }
-            Instructions::Avx512 | Instructions::Avx2 => {
+            InstructionSet::Avx512 | InstructionSet::Avx2 => {
                 // SAFETY: the instruction set was detected, or one that includes it.
                 unsafe { sweep_avx2(self, kernel, inputs, output, chunk) }
             }

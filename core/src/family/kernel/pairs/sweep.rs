@@ -9,7 +9,7 @@ use crate::family::kernel::lattice::{LaneBonds, lanes, sum_lanes};
 use crate::family::kernel::sums::{Output, Planes};
 use crate::family::kernel::{BondKernel, SweepInputs, for_each, inputs_at};
 #[cfg(target_arch = "x86_64")]
-use crate::family::kernel::{Instructions, instructions};
+use crate::family::kernel::{InstructionSet, instructions};
 use crate::family::{Family, StencilBond};
 
 /// Blocks whose sums a thread copies to the output at a time.
@@ -69,16 +69,16 @@ impl Family {
 impl<const I: usize, const O: usize> PairSweep<'_, I, O> {
     fn sweep_box<K: BondKernel<I, O>>(&self, kernel: &K, blocks: &BoxBlocks) {
         #[cfg(target_arch = "x86_64")]
-        match instructions() {
-            Instructions::Avx512 => {
+        match instructions::used() {
+            InstructionSet::Avx512 => {
                 // SAFETY: the instruction set was detected.
                 unsafe { sweep_box_avx512(kernel, self, blocks) }
             }
-            Instructions::Avx2 => {
+            InstructionSet::Avx2 => {
                 // SAFETY: the instruction set was detected.
                 unsafe { sweep_box_avx2(kernel, self, blocks) }
             }
-            Instructions::Baseline => unreachable!("bonds are visited once where `can_fuse`"),
+            InstructionSet::Baseline => unreachable!("bonds are visited once where `can_fuse`"),
         }
         #[cfg(not(target_arch = "x86_64"))]
         sweep_box(kernel, self, blocks);

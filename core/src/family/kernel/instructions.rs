@@ -1,0 +1,55 @@
+//! The instruction sets for which sweeps are compiled, and the one that a program uses.
+
+use std::sync::OnceLock;
+
+/// Instruction sets for which sweeps are compiled, each with those before it. Results with `Avx2` and `Avx512` are the same
+/// bit by bit; those with `Baseline` differ in the rounding of sums that visit each bond once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum InstructionSet {
+    /// What every machine of the architecture has.
+    Baseline,
+    /// AVX2 and fused multiply-adds, on x86-64 machines that have them.
+    Avx2,
+    /// AVX-512 F and VL, on x86-64 machines that have them.
+    Avx512,
+}
+
+static USED: OnceLock<InstructionSet> = OnceLock::new();
+
+/// Limits the sweeps of this program to an instruction set; to be called before the first sweep, which takes the widest set
+/// of the machine otherwise.
+///
+/// # Errors
+/// The set that sweeps use already, if it is another one.
+pub fn limit_instructions(limit: InstructionSet) -> Result<(), InstructionSet> {
+    let set = widest().min(limit);
+    match *USED.get_or_init(|| set) {
+        used if used == set => Ok(()),
+        used => Err(used),
+    }
+}
+
+pub(super) fn used() -> InstructionSet {
+    *USED.get_or_init(widest)
+}
+
+/// Whether sweeps may use fused multiply-adds, which those that visit bonds once require.
+pub(super) fn can_fuse() -> bool {
+    used() > InstructionSet::Baseline || cfg!(target_arch = "aarch64")
+}
+
+#[cfg(target_arch = "x86_64")]
+fn widest() -> InstructionSet {
+    if !(is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")) {
+        InstructionSet::Baseline
+    } else if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
+        InstructionSet::Avx512
+    } else {
+        InstructionSet::Avx2
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn widest() -> InstructionSet {
+    InstructionSet::Baseline
+}

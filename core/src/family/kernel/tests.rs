@@ -1,0 +1,85 @@
+//! Sweeps of bodies so small that Miri can run them: every path through the code that is `unsafe`.
+
+use crate::body::{Body, Face, Jitter, Store};
+use crate::family::{Bond, BondKernel, BrokenBonds, Family, FamilySpec, Mirrored, SlotField};
+use crate::shape::{BoxShape, Shape};
+
+/// Each end by itself.
+struct Flow;
+
+impl BondKernel<1, 1> for Flow {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
+        [bond.mean() * (other - own)]
+    }
+}
+
+/// Both ends of a bond in one visit.
+struct Pull;
+
+impl BondKernel<1, 1> for Pull {
+    const PAIRED: usize = 1;
+
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, ends: [f64; 1], others: [f64; 1]) -> [f64; 1] {
+        Flow.bond(bond, ends, others)
+    }
+}
+
+/// Longer along x than the lanes of a vector, and hardly wider than a horizon.
+fn block(dimension: usize) -> Body {
+    let max = [17.0, 2.0, if dimension == 3 { 2.0 } else { 1.0 }];
+    let shape = Shape::Box(BoxShape { min: [0.0; 3], max });
+    Body::fill("block", &shape, dimension, 1.0, 1.0).expect("valid")
+}
+
+fn check<K: BondKernel<1, 1>>(kernel: &K, family: &Family, broken: Option<&BrokenBonds>) {
+    let mut slots = SlotField::default();
+    slots.load(family, |p: usize| (p as f64).sin(), Mirrored::Scalar);
+    let mut sums = vec![[0.0]; family.points];
+    family.sum_unbroken(kernel, [&slots], broken, &mut sums);
+    for (point, [swept]) in sums.iter().enumerate() {
+        let own = slots[family.slot_of(point)];
+        let mut expected = 0.0;
+        family.for_each_bond(point, |number, bond, other| {
+            if broken.is_none_or(|b| !b.is_broken(point, number)) {
+                let part = kernel.bond(bond, [own], [slots[other]]);
+                expected += part[0];
+            }
+        });
+        assert!(
+            (swept - expected).abs() < 1e-13,
+            "{point}: {swept} {expected}"
+        );
+    }
+}
+
+#[test]
+fn sweeps_of_tiny_bodies_are_the_sums_of_their_bonds() {
+    let jitter = Jitter {
+        amplitude: 0.2,
+        seed: 3,
+    };
+    for (dimension, layers) in [(2, &[Face::YMin, Face::YMax][..])] {
+        let lattice = block(dimension);
+        let mut list = block(dimension);
+        list.store = Store::List;
+        let cloud = block(dimension).jittered(jitter).expect("valid");
+        for body in [lattice, list, cloud] {
+            let spec = FamilySpec {
+                layers: layers.to_vec(),
+                ..FamilySpec::new(1.5)
+            };
+            let family = Family::build(&body, &spec).expect("valid");
+            let mut broken = family.unbroken();
+            let point_in = family.points_of_slots();
+            for point in [3, 11, 25] {
+                family.break_pair([point, point + 1], &point_in, &mut broken);
+            }
+            for broken in [None, Some(&broken)] {
+                check(&Flow, &family, broken);
+                check(&Pull, &family, broken);
+            }
+        }
+    }
+}
