@@ -16,6 +16,7 @@
 //! }
 //! ```
 
+#![cfg_attr(not(test), warn(unused_crate_dependencies))]
 mod argument;
 pub mod case;
 mod cell_grid;

@@ -11,6 +11,7 @@
 //! 7. [`solver`]: time integration and equations for any physics.
 //! 8. [`log`]: the run as an MCAP file, and back.
 
+#![cfg_attr(not(test), warn(unused_crate_dependencies))]
 #![deny(unsafe_code)]
 
 mod axis;

@@ -47,6 +47,7 @@
 //!
 //! The modules [`source`] and [`toolpath`] do not depend on plugins; [`InTime`] is a number that may change in time.
 
+#![cfg_attr(not(test), warn(unused_crate_dependencies))]
 pub mod boundary;
 pub mod buoyancy;
 #[cfg(test)]

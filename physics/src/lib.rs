@@ -10,6 +10,7 @@
 //! | `rigid_body` | `displacement`, `velocity` | `body_force`, `impulse` |
 //! | `mechanical` | `displacement`, `velocity`, `stress`, `conjugate_stress` | `eigenstrain`, `body_force` |
 
+#![cfg_attr(not(test), warn(unused_crate_dependencies))]
 mod advection;
 pub mod fluid;
 pub mod mechanical;
