@@ -60,11 +60,13 @@ fn sweeps_of_tiny_bodies_are_the_sums_of_their_bonds() {
         amplitude: 0.2,
         seed: 3,
     };
-    for (dimension, layers) in [(2, &[Face::YMin, Face::YMax][..])] {
-        let lattice = block(dimension);
-        let mut list = block(dimension);
+    let bodies = [(2, &[Face::YMin, Face::YMax][..]), (3, &[])];
+    // Miri takes a minute for the first
+    for (dimension, layers) in &bodies[..if cfg!(miri) { 1 } else { 2 }] {
+        let lattice = block(*dimension);
+        let mut list = block(*dimension);
         list.store = Store::List;
-        let cloud = block(dimension).jittered(jitter).expect("valid");
+        let cloud = block(*dimension).jittered(jitter).expect("valid");
         for body in [lattice, list, cloud] {
             let spec = FamilySpec {
                 layers: layers.to_vec(),
