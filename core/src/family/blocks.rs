@@ -85,11 +85,6 @@ impl Blocks {
         (lane < self.head[block].len).then_some((block, lane as usize))
     }
 
-    /// Number of points.
-    pub(super) fn points(&self) -> usize {
-        self.head.iter().map(|h| h.len as usize).sum()
-    }
-
     pub(super) fn memory(&self) -> usize {
         size_of_val(&*self.head) + size_of_val(&*self.weights)
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Bond, Family, StencilBond};
+use super::{Bond, CloudRows, Family, Store};
 
 /// Which bonds of a family are broken; they never heal. Both directions of a bond break together.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,9 +83,16 @@ impl Bits<'_> {
 impl Family {
     /// No bond broken.
     pub fn unbroken(&self) -> BrokenBonds {
-        let rows = self.rows.start.windows(2).map(|s| s[1] - s[0]);
-        // blocks count as the stencil does
-        let most = rows.max().unwrap_or(0).max(self.stencil.len());
+        let most = match &self.store {
+            // blocks count as the stencil does
+            Store::Lattice(bonds, _) | Store::Growing(bonds, _) => bonds.stencil.bonds.len(),
+            Store::List(_, rows)
+            | Store::Cloud(CloudRows { rows, .. })
+            | Store::Moving(CloudRows { rows, .. }, _) => {
+                let lengths = rows.start.windows(2).map(|s| s[1] - s[0]);
+                lengths.max().unwrap_or(0)
+            }
+        };
         let stride = most.div_ceil(64);
         BrokenBonds {
             stride,
@@ -107,79 +114,44 @@ impl Family {
     }
 
     /// All bonds of a point: number in its family, bond, slot of the other end.
-    pub fn for_each_bond(&self, point: usize, mut receive: impl FnMut(usize, &Bond, usize)) {
-        if self.is_unborn(point) {
+    pub fn for_each_bond(&self, point: usize, receive: impl FnMut(usize, &Bond, usize)) {
+        if self.store.growth().is_some_and(|g| g.is_unborn(point)) {
             return;
         }
         let here = self.slot_of(point);
-        let row = match self.order.slot_of.is_empty() {
-            true => self.rows.point.binary_search(&(point as u32)).ok(),
-            false => Some(here),
-        };
-        if let Some(row) = row {
-            let range = self.rows.start[row]..self.rows.start[row + 1];
-            for (number, at) in range.enumerate() {
-                let other = self.rows.column[at] as usize;
-                receive(number, &self.bond_of_row(here, at), other);
+        match &self.store {
+            Store::Lattice(bonds, _) | Store::Growing(bonds, _) => {
+                bonds.for_each_bond(point, here, receive);
             }
-            return;
-        }
-        let own = self.blocks.find(point as u32);
-        for (number, StencilBond { offset, bond }) in self.stencil.iter().enumerate() {
-            let other = here.wrapping_add_signed(*offset);
-            let Some((block, lane)) = own else {
-                receive(number, bond, other);
-                continue;
-            };
-            let [weight, dual] = self.blocks.weights(block)[number].map(|lanes| lanes[lane]);
-            if weight != 0.0 || dual != 0.0 {
-                let bond = Bond {
-                    weight,
-                    dual,
-                    ..*bond
-                };
-                receive(number, &bond, other);
-            }
+            // each point has a row
+            Store::List(stencil, rows) => stencil.for_each_bond(rows, point, receive),
+            Store::Cloud(cloud) | Store::Moving(cloud, _) => cloud.for_each_bond(here, receive),
         }
     }
 
     /// Whether the bonds of a point have the weights of the stencil.
     pub fn shares_stencil(&self, point: usize) -> bool {
-        let after = self.runs.partition_point(|r| r.point as usize <= point);
-        let run = after.checked_sub(1).map(|run| self.runs[run]);
+        let runs = self.store.stencil_bonds().map_or(&[][..], |b| &b.runs);
+        let after = runs.partition_point(|r| r.point as usize <= point);
+        let run = after.checked_sub(1).map(|run| runs[run]);
         run.is_some_and(|r| point < (r.point + r.len) as usize)
     }
 
     /// The slot of a point.
     pub fn slot_of(&self, point: usize) -> usize {
-        if let Some(&slot) = self.order.slot_of.get(point) {
-            return slot as usize;
-        }
-        let after = self.spans.partition_point(|s| s.point as usize <= point);
-        let span = self.spans[after - 1];
-        span.slot as usize + point - span.point as usize
+        self.slots.points.of(point)
     }
 
     /// The point in a slot; `None` for layer points and empty slots.
     pub fn point_in(&self, slot: usize) -> Option<usize> {
-        if !self.order.point_in.is_empty() {
-            return self.order.point_in.get(slot).map(|&p| p as usize);
-        }
-        let after = self.spans.partition_point(|s| s.slot as usize <= slot);
-        let span = self.spans.get(after.checked_sub(1)?)?;
-        let along = slot - span.slot as usize;
-        (along < span.len as usize).then_some(span.point as usize + along)
+        self.slots.points.point_in(slot)
     }
 
     /// By slot, the point that it carries or is the image of; [`u32::MAX`] where there is neither.
     pub fn points_of_slots(&self) -> Vec<u32> {
-        let mut points = vec![u32::MAX; self.slots];
-        for span in &self.spans {
-            let slots = &mut points[span.slot as usize..][..span.len as usize];
-            slots.iter_mut().zip(span.point..).for_each(|(s, p)| *s = p);
-        }
-        points[..self.order.point_in.len()].copy_from_slice(&self.order.point_in);
-        for ghost in &self.ghosts {
+        let mut points = vec![u32::MAX; self.slots.len];
+        (0..self.points as u32).for_each(|p| points[self.slot_of(p as usize)] = p);
+        for ghost in &self.slots.ghosts {
             points[ghost.slot as usize] = ghost.point;
         }
         points

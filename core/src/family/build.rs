@@ -1,12 +1,16 @@
 //! Construction of a family: slots, mirrored layers, completeness, corrections, rows, chunks.
 
+use std::sync::OnceLock;
+
 use nalgebra::Vector3;
 
-use crate::body::{Body, Discretisation, Face, Lattice, Store};
+use crate::body::{self, Body, Discretisation, Face, Lattice};
 
 use super::blocks::{BLOCK, BlockBuilder};
 use super::lattice::{LatticeBonds, Member};
-use super::{Bond, Chunk, Family, FamilyError, FamilySpec, Rows, Span};
+use super::{
+    Bond, Chunk, CloudRows, Family, FamilyError, FamilySpec, Rows, Span, StencilBonds, Store,
+};
 use crate::body::Cut;
 
 /// Points per chunk: small enough to balance two to many cores, large enough to amortise.
@@ -66,7 +70,7 @@ impl Family {
             }
             number += count;
             let weighted = |m: Member<'_>| (m.step, m.slot as u32, bonds.weights(point, &m));
-            if body.store == Store::List {
+            if body.store == body::Store::List {
                 rows.push(point, slot, members().map(weighted));
             } else if count < bonds.steps.len() || bonds.is_uneven(point) {
                 let own = members().map(|m| (usize::from(m.step), bonds.weights(point, &m)));
@@ -80,26 +84,26 @@ impl Family {
             }
         }
 
-        let blocks = blocks.finish();
-        let spans = stretches(&bonds.slot_of_point, |_| true);
-        let runs = stretches(&bonds.slot_of_point, |p| in_runs[p]);
-        let chunks = chunks(&runs, blocks.head.len(), rows.point.len());
-        let swept = runs.iter().map(|r| r.len as usize).sum::<usize>();
-        let swept = swept + blocks.points() + rows.point.len();
-        assert_eq!(
-            swept,
-            body.points.len(),
-            "runs, blocks and rows partition the points"
-        );
+        let stencil = bonds.stencil(grid);
+        let store = match body.store {
+            body::Store::List => Store::List(stencil, rows),
+            body::Store::Lattice => {
+                let bonds = StencilBonds {
+                    stencil,
+                    runs: stretches(&bonds.slot_of_point, |p| in_runs[p]),
+                    blocks: blocks.finish(),
+                };
+                Store::Lattice(bonds, OnceLock::new())
+            }
+        };
         Ok(Family {
+            spec: spec.clone(),
+            points: body.points.len(),
             bonds: number,
-            spans,
-            runs,
-            blocks,
-            rows,
+            chunks: chunks(&store),
+            slots: bonds.slots(body),
+            store,
             layer_rows,
-            chunks,
-            ..bonds.layout(body, spec, grid)
         })
     }
 }
@@ -126,32 +130,6 @@ pub(super) fn cuts(body: &Body, spec: &FamilySpec) -> Vec<Cut> {
     cuts
 }
 
-impl Rows {
-    pub(super) fn new() -> Rows {
-        Rows {
-            start: vec![0],
-            ..Rows::default()
-        }
-    }
-
-    pub(super) fn push(
-        &mut self,
-        point: usize,
-        slot: u32,
-        bonds: impl Iterator<Item = (u16, u32, [f64; 2])>,
-    ) {
-        self.point.push(point as u32);
-        self.slot.push(slot);
-        for (step, column, [weight, dual]) in bonds {
-            self.step.push(step);
-            self.column.push(column);
-            self.weight.push(weight);
-            self.dual.push(dual);
-        }
-        self.start.push(self.column.len());
-    }
-}
-
 /// Maximal stretches of consecutive points in consecutive slots that satisfy `keep`.
 pub(super) fn stretches(slot_of_point: &[u32], keep: impl Fn(usize) -> bool) -> Vec<Span> {
     let mut spans: Vec<Span> = Vec::new();
@@ -168,34 +146,42 @@ pub(super) fn stretches(slot_of_point: &[u32], keep: impl Fn(usize) -> bool) -> 
     spans
 }
 
-pub(super) fn chunks(runs: &[Span], blocks: usize, rows: usize) -> Vec<Chunk> {
-    let mut chunks = Vec::new();
-    let none = Chunk {
-        runs: 0..0,
-        blocks: 0..0,
-        rows: 0..0,
+/// The parts of a sweep.
+pub(super) fn chunks(store: &Store) -> Vec<Chunk> {
+    let parts = |len: usize, step: usize| {
+        let starts = (0..len).step_by(step);
+        starts.map(move |first| first..(first + step).min(len))
     };
+    let bonds = match store {
+        Store::Lattice(bonds, _) | Store::Growing(bonds, _) => bonds,
+        // a row costs a few times a lane of a run
+        Store::List(_, rows)
+        | Store::Cloud(CloudRows { rows, .. })
+        | Store::Moving(CloudRows { rows, .. }, _) => {
+            let rows = parts(rows.point.len(), CHUNK_POINTS as usize / 4);
+            let chunk = |rows| Chunk {
+                rows,
+                ..Chunk::default()
+            };
+            return rows.map(chunk).collect();
+        }
+    };
+    let mut chunks = Vec::new();
     let (mut first, mut points) = (0, 0);
-    for (index, run) in runs.iter().enumerate() {
+    for (index, run) in bonds.runs.iter().enumerate() {
         points += run.len;
-        if points >= CHUNK_POINTS || index + 1 == runs.len() {
+        if points >= CHUNK_POINTS || index + 1 == bonds.runs.len() {
             chunks.push(Chunk {
                 runs: first..index + 1,
-                ..none.clone()
+                ..Chunk::default()
             });
             (first, points) = (index + 1, 0);
         }
     }
-    let step = CHUNK_POINTS as usize / BLOCK / 2;
-    chunks.extend((0..blocks).step_by(step).map(|b| Chunk {
-        blocks: b..(b + step).min(blocks),
-        ..none.clone()
-    }));
-    // a row costs a few times a lane of a run
-    let step = CHUNK_POINTS as usize / 4;
-    chunks.extend((0..rows).step_by(step).map(|r| Chunk {
-        rows: r..(r + step).min(rows),
-        ..none.clone()
+    let blocks = parts(bonds.blocks.head.len(), CHUNK_POINTS as usize / BLOCK / 2);
+    chunks.extend(blocks.map(|blocks| Chunk {
+        blocks,
+        ..Chunk::default()
     }));
     chunks
 }

@@ -16,7 +16,10 @@ use super::calibration::{Calibration, factor_along};
 use super::images::Images;
 use super::kernel::ROW_LANES;
 use super::lattice::stencil;
-use super::{Bond, Correction, Family, FamilyError, FamilySpec, Rows, Span, TIE};
+use super::{
+    Bond, CloudRows, Correction, Family, FamilyError, FamilySpec, PointSlots, Rows, SlotPlaces,
+    Slots, Span, Store, TIE,
+};
 use crate::body::Cut;
 
 /// Bonds of a point beyond which a horizon is a mistake.
@@ -214,44 +217,68 @@ impl Family {
             let parts: Vec<Rows> = rows.iter().map(audited).collect();
             Rows::joined(&parts)
         };
-        let rows = Rows::joined(&rows);
-        let mut family = Family::of_rows(body, spec, rows, layer_rows);
+        let rows = CloudRows::new(body, Rows::joined(&rows));
+        let all = Span {
+            slot: 0,
+            point: 0,
+            len: points as u32,
+        };
+        let slots = PointSlots::Ascending(vec![all]);
+        let mut family = Family::of_rows(body, spec, Store::Cloud(rows), slots);
+        family.layer_rows = layer_rows;
         family.take_images(images);
         Ok(family)
     }
 
     /// A family with a row for every point, without slots yet ([`Family::take_images`]).
-    pub(super) fn of_rows(body: &Body, spec: &FamilySpec, rows: Rows, layer_rows: Rows) -> Family {
-        let points = body.points.len();
+    pub(super) fn of_rows(
+        body: &Body,
+        spec: &FamilySpec,
+        store: Store,
+        points: PointSlots,
+    ) -> Family {
         Family {
             spec: spec.clone(),
-            points,
-            spans: vec![Span {
-                slot: 0,
-                point: 0,
-                len: points as u32,
-            }],
-            periodic: body.periodic,
-            flat: body.dimension < 3,
-            chunks: chunks(&[], 0, points),
-            rows,
-            layer_rows,
-            ..Family::default()
+            points: body.points.len(),
+            bonds: 0,
+            slots: Slots {
+                points,
+                periodic: body.periodic,
+                ..Slots::default()
+            },
+            chunks: Vec::new(),
+            store,
+            layer_rows: Rows::joined(&[]),
         }
     }
 
     /// Lays out slots; the columns of the rows refer to `images`.
     pub(super) fn take_images(&mut self, images: Images) {
-        self.bonds = self.rows.column.len() - ROW_LANES;
-        self.slots = images.position.len();
-        let end_in_slots = |rows: &Rows| rows.column.iter().all(|c| (*c as usize) < self.slots);
+        let (Store::Cloud(cloud) | Store::Moving(cloud, _)) = &mut self.store else {
+            return;
+        };
+        self.bonds = cloud.rows.column.len() - ROW_LANES;
+        self.slots.len = images.position.len();
+        let end_in_slots = |rows: &Rows| {
+            let mut columns = rows.column.iter();
+            columns.all(|c| (*c as usize) < self.slots.len)
+        };
         // the sweep relies on it
-        assert!(end_in_slots(&self.rows) && end_in_slots(&self.layer_rows));
-        self.places = std::array::from_fn(|a| images.position.iter().map(|x| x[a]).collect());
-        let corners = images.ghosts.iter().copied();
-        self.corners = corners.filter(super::Ghost::is_corner).collect();
-        self.ghosts = images.ghosts;
-        self.layers = images.layers;
+        assert!(end_in_slots(&cloud.rows) && end_in_slots(&self.layer_rows));
+        cloud.places.at = std::array::from_fn(|a| images.position.iter().map(|x| x[a]).collect());
+        self.slots.set_ghosts(images.ghosts, images.layers);
+        self.chunks = chunks(&self.store);
+    }
+}
+
+impl CloudRows {
+    /// Rows of a body, without places yet ([`Family::take_images`]).
+    pub(super) fn new(body: &Body, rows: Rows) -> CloudRows {
+        let places = SlotPlaces {
+            flat: body.dimension < 3,
+            ..SlotPlaces::default()
+        };
+        CloudRows { places, rows }
     }
 }
 

@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use super::{
-    AxisPlane, Bond, BondKernel, ByRules, Correction, Family, FamilyError, FamilySpec, Influence,
-    LayerRule, Mirrored, PartialVolume, SlotField,
+    AxisPlane, Bond, BondKernel, ByRules, CloudRows, Correction, Family, FamilyError, FamilySpec,
+    Influence, LayerRule, Mirrored, PartialVolume, SlotField, Store,
 };
 use crate::body::{Body, Cut, Face, Horizon, Jitter, Zone};
 use crate::shape::{BoxShape, Shape};
@@ -84,6 +84,13 @@ fn in_order_of(lattice: &Body, cloud: &Body, sums: &[[f64; 4]]) -> Vec<[f64; 4]>
         .collect()
 }
 
+fn rows_of(family: &Family) -> &CloudRows {
+    match &family.store {
+        Store::Cloud(rows) => rows,
+        _ => panic!("a cloud has rows"),
+    }
+}
+
 #[test]
 fn lists_equal_brute_force_and_ties_belong() {
     // horizons of 3 spacings reach points at 3 spacings exactly, on both sides
@@ -109,8 +116,8 @@ fn lists_equal_brute_force_and_ties_belong() {
                 };
                 let reach = |q: usize| (horizon.of(spacing[q]) / 0.0125).round() as i64;
                 let holds = |owner: usize, q: &usize| *q != p && apart(*q) <= reach(owner).pow(2);
-                let row = family.rows.start[p]..family.rows.start[p + 1];
-                let columns = &family.rows.column[row.clone()];
+                let row = rows_of(&family).rows.start[p]..rows_of(&family).rows.start[p + 1];
+                let columns = &rows_of(&family).rows.column[row.clone()];
                 let listed = |weights: &[f64]| -> Vec<usize> {
                     let bonds = columns.iter().zip(&weights[row.clone()]);
                     let inside = bonds.filter(|(_, w)| **w > 0.0);
@@ -123,8 +130,8 @@ fn lists_equal_brute_force_and_ties_belong() {
                     .iter()
                     .filter(|q| apart(**q) == reach(p).pow(2))
                     .count();
-                assert_eq!(listed(&family.rows.weight), directed);
-                assert_eq!(listed(&family.rows.dual), dual);
+                assert_eq!(listed(&rows_of(&family).rows.weight), directed);
+                assert_eq!(listed(&rows_of(&family).rows.dual), dual);
             }
             assert!(ties > 100, "{ties}");
         }
@@ -342,10 +349,10 @@ fn threads_do_not_matter_and_nothing_passes_a_cut() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.expect("threads").install(|| {
             let family = Family::build(&body, &spec).expect("valid");
-            let side = |slot: &u32| family.places[1][*slot as usize] > 1.0;
-            for (row, &p) in family.rows.point.iter().enumerate() {
-                let columns =
-                    &family.rows.column[family.rows.start[row]..family.rows.start[row + 1]];
+            let side = |slot: &u32| rows_of(&family).places.at[1][*slot as usize] > 1.0;
+            for (row, &p) in rows_of(&family).rows.point.iter().enumerate() {
+                let columns = &rows_of(&family).rows.column
+                    [rows_of(&family).rows.start[row]..rows_of(&family).rows.start[row + 1]];
                 assert!(columns.iter().all(|c| side(c) == side(&p)));
             }
             sums(&body, &family, &[])

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::body::Face;
 
 use super::layer::{Continuation, Image, Jump, LayerRule, Traction};
-use super::{Family, Ghost, SlotField};
+use super::{Family, SlotField, Stencil};
 
 /// How the values of ghosts follow from those of points.
 pub trait GhostRule {
@@ -45,9 +45,9 @@ impl Mirrored {
 impl GhostRule for Mirrored {
     fn fill(self, family: &Family, fields: &mut [SlotField]) {
         for slots in fields {
-            for (face, ghosts) in family.layers() {
+            for (face, ghosts) in family.slots.layers() {
                 let axis = face.axis();
-                let turns = self.turns(axis) && !family.periodic[axis];
+                let turns = self.turns(axis) && !family.slots.periodic[axis];
                 let sign = if turns { -1.0 } else { 1.0 };
                 for ghost in ghosts {
                     slots[ghost.slot as usize] = sign * slots[ghost.source as usize];
@@ -66,7 +66,7 @@ impl GhostRule for ByRules<'_> {
     fn fill(self, family: &Family, fields: &mut [SlotField]) {
         let ByRules(rules, component) = self;
         for slots in fields {
-            for (face, ghosts) in family.layers() {
+            for (face, ghosts) in family.slots.layers() {
                 let rule = rules.iter().find(|r| r.face == face);
                 let (scale, offset) =
                     rule.map_or((1.0, 0.0), |r| (r.scale[component], r.offset[component]));
@@ -109,11 +109,11 @@ impl<F: Fn(usize, usize, f64) -> f64> GhostRule for Rising<F> {
     fn fill(self, family: &Family, fields: &mut [SlotField]) {
         let Rising(rise) = self;
         for slots in fields {
-            for (face, ghosts) in family.layers() {
+            for (face, ghosts) in family.slots.layers() {
                 let axis = face.axis();
                 for ghost in ghosts {
                     let (slot, source) = (ghost.slot as usize, ghost.source as usize);
-                    let grown = match family.periodic[axis] {
+                    let grown = match family.slots.periodic[axis] {
                         true => 0.0,
                         false => {
                             let distance = family.place(slot, axis) - family.place(source, axis);
@@ -181,10 +181,10 @@ impl GhostRule for Coordinate {
     fn fill(self, family: &Family, fields: &mut [SlotField]) {
         let Coordinate(along) = self;
         for slots in fields {
-            for (face, ghosts) in family.layers() {
+            for (face, ghosts) in family.slots.layers() {
                 for ghost in ghosts {
                     let (slot, source) = (ghost.slot as usize, ghost.source as usize);
-                    let way = match family.periodic[face.axis()] {
+                    let way = match family.slots.periodic[face.axis()] {
                         true => family.place(slot, along) - family.place(source, along),
                         false => 0.0,
                     };
@@ -199,7 +199,7 @@ impl SlotField {
     /// Sets the coordinate along an axis, m; behind faces that of the mirror point, behind periodic faces that of the
     /// copy.
     pub fn load_coordinate(&mut self, family: &Family, axis: usize) {
-        let slots = (0..family.slots).into_par_iter();
+        let slots = (0..family.slots.len).into_par_iter();
         self.set(slots.map(|slot| family.place(slot, axis)));
         self.fill_ghosts(family, Coordinate(axis));
     }
@@ -208,14 +208,14 @@ impl SlotField {
     /// clears them.
     pub fn fold_ghosts(&mut self, family: &Family, rules: &[LayerRule], component: usize) {
         if rules.iter().any(|r| r.has_offset(component)) {
-            for corner in &family.corners {
+            for corner in &family.slots.corners {
                 if let Some(jump) = Jump::at(corner, rules, component) {
                     let value = std::mem::take(&mut self[corner.slot as usize]);
                     self[family.slot_of(corner.point as usize)] += jump.scale * value;
                 }
             }
         }
-        for (face, ghosts) in family.layers().rev() {
+        for (face, ghosts) in family.slots.layers().rev() {
             let rule = rules.iter().find(|r| r.face == face);
             let scale = rule.map_or(1.0, |r| r.scale[component]);
             for ghost in ghosts.iter().rev() {
@@ -232,16 +232,10 @@ impl Family {
         ghosts.fill(self, fields);
     }
 
-    /// The layers in the order in which they are filled: ghosts may mirror ghosts of earlier layers.
-    fn layers(&self) -> impl DoubleEndedIterator<Item = (Face, &[Ghost])> {
-        let layers = self.layers.iter();
-        layers.map(|(face, range)| (*face, &self.ghosts[range.clone()]))
-    }
-
     /// Continues a field behind corners at which faces disagree: odd about the mean of what they prescribe, or
     /// constant where their layers are constant. Filling face by face would continue the field of the last one.
     fn fill_corners(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
-        for corner in &self.corners {
+        for corner in &self.slots.corners {
             if let Some(jump) = Jump::at(corner, rules, component) {
                 let image = slots[self.slot_of(corner.point as usize)];
                 slots[corner.slot as usize] = jump.mean + jump.scale * (image - jump.mean);
@@ -251,17 +245,17 @@ impl Family {
 
     /// Adds the curvature of [`Curved`].
     fn curve_layers(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
-        let Some(grid) = &self.grid else {
+        let Some(Stencil { grid, .. }) = self.store.stencil() else {
             return;
         };
-        for (face, ghosts) in self.layers() {
+        for (face, ghosts) in self.slots.layers() {
             let axis = face.axis();
             let prescribes_all =
                 |r: &&LayerRule| r.face == face && r.scale == [-1.0; 3] && r.traction.is_none();
             let Some(rule) = rules.iter().find(prescribes_all) else {
                 continue;
             };
-            if self.periodic[axis] {
+            if self.slots.periodic[axis] {
                 continue;
             }
             let on_face = 0.5 * rule.offset[component];
@@ -300,11 +294,11 @@ impl Family {
         let bent = rules.iter().filter(|r| r.traction.is_some());
         let bent = bent.fold(0, |bits, r| bits | 1u8 << r.face as usize);
         // tractions by layers are refused on clouds
-        let Some(grid) = self.grid.as_ref().filter(|_| bent != 0) else {
+        let Some(Stencil { grid, .. }) = self.store.stencil().filter(|_| bent != 0) else {
             return;
         };
         let mut done = 0;
-        for (face, ghosts) in self.layers() {
+        for (face, ghosts) in self.slots.layers() {
             let axis = face.axis();
             // plain mirror images are final, bent layers once they are filled
             let usable = |faces: u8| faces & bent == 0 || faces & !done == 0;
@@ -346,7 +340,7 @@ mod tests {
     use super::*;
     use crate::Axis;
     use crate::body::Body;
-    use crate::family::{Correction, FamilySpec};
+    use crate::family::{Correction, FamilySpec, Ghost};
     use crate::shape::{BoxShape, Shape};
 
     #[test]
@@ -383,7 +377,12 @@ mod tests {
                     let passed = |f: &Face| faces.contains(f) == (g.passes[*f as usize] > 0);
                     Face::ALL.iter().all(passed)
                 };
-                let ghost = family.ghosts.iter().find(is).expect("behind each corner");
+                let ghost = family
+                    .slots
+                    .ghosts
+                    .iter()
+                    .find(is)
+                    .expect("behind each corner");
                 (slots[ghost.slot as usize], f64::from(ghost.point))
             };
             use Face::{XMax, YMax, YMin, ZMax, ZMin};
@@ -396,7 +395,7 @@ mod tests {
             // also where all faces prescribe a value
             let mut filled = SlotField::default();
             filled.load(&family, &values[..], ByRules(&rules[..3], 0));
-            for ghost in &family.ghosts {
+            for ghost in &family.slots.ghosts {
                 let is_behind = |f: &Face| ghost.passes[*f as usize] > 0;
                 if Face::ALL.into_iter().filter(is_behind).eq([XMax, YMin]) {
                     assert_eq!(filled[ghost.slot as usize], 8.0 - f64::from(ghost.point));
@@ -452,7 +451,7 @@ mod tests {
                 assert!(family.has_layers());
                 let values: Vec<f64> = (0..body.points.len()).map(|i| (i as f64).sin()).collect();
                 let signs = |image: &Image, axes: &[usize]| {
-                    let periodic = |axis: usize| family.periodic[axis];
+                    let periodic = |axis: usize| family.slots.periodic[axis];
                     let sign = |&axis: &usize| {
                         if periodic(axis) {
                             1.0

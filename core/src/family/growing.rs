@@ -14,16 +14,15 @@ mod tests;
 use std::collections::HashMap;
 use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
-use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use crate::body::{Body, Discretisation, Store};
+use crate::body::{self, Body, Discretisation};
 
 use super::blocks::{BLOCK, BlockHead, Blocks, Weights};
 use super::build::{chunks, stretches};
 use super::lattice::{EMPTY, LatticeBonds, Member};
-use super::{Family, FamilyError, FamilySpec, Rows, Span};
+use super::{Family, FamilyError, FamilySpec, Rows, Span, StencilBonds, Store};
 
 /// Which points are present, and what the bonds follow from.
 #[derive(Debug)]
@@ -36,6 +35,7 @@ pub(super) struct GrowingBonds {
     parts: Vec<Span>,
     part_of_point: Vec<u32>,
     state: Vec<BlockBonds>,
+    unborn: Vec<Span>,
     patterns: Patterns,
     /// Points with bonds to audited layers.
     beside_layers: Vec<u32>,
@@ -123,7 +123,7 @@ impl Family {
         version: u64,
     ) -> Result<Family, FamilyError> {
         let lattice = match &body.discretisation {
-            Discretisation::Lattice(lattice) if body.store == Store::Lattice => lattice,
+            Discretisation::Lattice(lattice) if body.store == body::Store::Lattice => lattice,
             _ => return Err(FamilyError::Growing("points without a lattice as store")),
         };
         if body.tank.is_some() {
@@ -149,6 +149,7 @@ impl Family {
         let number = (0..points).map(|p| bonds.members(p).count()).sum();
         let growth = GrowingBonds {
             state: vec![BlockBonds::Empty; parts.len()],
+            unborn: Vec::new(),
             active: vec![true; points],
             parts,
             part_of_point,
@@ -159,13 +160,20 @@ impl Family {
             version,
             bonds,
         };
-        let mut family = Family {
-            bonds: number,
-            spans: stretches(&growth.bonds.slot_of_point, |_| true),
+        let swept = StencilBonds {
+            stencil: growth.bonds.stencil(grid),
+            runs: Vec::new(),
             blocks: Blocks::of_stencil(growth.bonds.steps.len()),
-            ..growth.bonds.layout(body, spec, grid)
         };
-        family.growth = Some(Box::new(growth));
+        let mut family = Family {
+            spec: spec.clone(),
+            points,
+            bonds: number,
+            slots: growth.bonds.slots(body),
+            layer_rows: Rows::default(),
+            chunks: Vec::new(),
+            store: Store::Growing(swept, Box::new(growth)),
+        };
         let inactive: Vec<u32> = (0..points as u32)
             .filter(|&p| !active[p as usize])
             .collect();
@@ -179,7 +187,7 @@ impl Family {
     /// When there is not one value for each point.
     pub fn set_active(&mut self, active: &[bool]) {
         assert_eq!(active.len(), self.points, "one value for each point");
-        let Some(growth) = &self.growth else {
+        let Some(growth) = self.store.growth() else {
             return;
         };
         let differ = growth.active.iter().zip(active).zip(0..);
@@ -192,77 +200,40 @@ impl Family {
 
     /// Changes whether `points` are present; `all`: the bonds of all points are computed.
     fn change(&mut self, points: &[u32], all: bool) {
-        let Some(mut growth) = self.growth.take() else {
+        let Store::Growing(swept, growth) = &mut self.store else {
             return;
         };
         growth.toggle(points);
         let parts = growth.recalibrate(points, all);
-        growth.fill(&parts, &mut self.blocks);
+        growth.fill(&parts, &mut swept.blocks);
         let changed = |point: &u32| growth.recalibrated.binary_search(point).is_ok();
         if growth.beside_layers.iter().any(changed) {
             self.layer_rows = growth.layer_rows();
         }
         growth.version += 1;
-        self.growth = Some(growth);
-        self.collect_parts();
-    }
-
-    /// Updates the runs and blocks that a sweep visits.
-    fn collect_parts(&mut self) {
-        let Some(growth) = &self.growth else {
-            return;
-        };
-        self.runs.clear();
-        self.unborn.clear();
-        self.blocks.head.clear();
-        for (part, state) in growth.parts.iter().zip(&growth.state) {
-            let list = match state {
-                BlockBonds::Empty => &mut self.unborn,
-                BlockBonds::Stencil => &mut self.runs,
-                BlockBonds::Own(pattern) => {
-                    self.blocks.head.push(BlockHead {
-                        point: part.point,
-                        slot: part.slot,
-                        len: part.len,
-                        pattern: *pattern,
-                    });
-                    continue;
-                }
-            };
-            match list.last_mut() {
-                Some(s) if [s.point + s.len, s.slot + s.len] == [part.point, part.slot] => {
-                    s.len += part.len;
-                }
-                _ => list.push(*part),
-            }
-        }
-        self.chunks = chunks(&self.runs, self.blocks.head.len(), 0);
-        self.pairs = OnceLock::new();
+        growth.collect_parts(swept);
+        self.chunks = chunks(&self.store);
     }
 
     /// Whether points become present and absent.
     pub fn grows(&self) -> bool {
-        self.growth.is_some()
+        self.store.growth().is_some()
     }
 
     /// Counts the changes of a family that grows.
     pub fn version(&self) -> u64 {
-        self.growth.as_ref().map_or(0, |g| g.version)
+        self.store.growth().map_or(0, |g| g.version)
     }
 
     /// Points whose bonds differ from the version before, ascending.
     pub fn recalibrated(&self) -> &[u32] {
-        self.growth.as_ref().map_or(&[], |g| &g.recalibrated)
+        self.store.growth().map_or(&[], |g| &g.recalibrated)
     }
 
     /// The point that a slot carries or mirrors, in a family that grows.
     pub fn mirrored_point(&self, slot: usize) -> Option<usize> {
-        let point = self.growth.as_ref()?.bonds.mirror_of.get(slot)?;
+        let point = self.store.growth()?.bonds.mirror_of.get(slot)?;
         (*point != EMPTY).then_some(*point as usize)
-    }
-
-    pub(super) fn is_unborn(&self, point: usize) -> bool {
-        self.growth.as_ref().is_some_and(|g| !g.active[point])
     }
 }
 
@@ -281,6 +252,44 @@ fn parts(stretches: &[Span]) -> Vec<Span> {
 }
 
 impl GrowingBonds {
+    pub(super) fn is_unborn(&self, point: usize) -> bool {
+        !self.active[point]
+    }
+
+    /// Points without material.
+    pub(super) fn unborn(&self) -> &[Span] {
+        &self.unborn
+    }
+
+    /// Updates the runs and blocks that a sweep visits.
+    fn collect_parts(&mut self, swept: &mut StencilBonds) {
+        let heads = &mut swept.blocks.head;
+        swept.runs.clear();
+        self.unborn.clear();
+        heads.clear();
+        for (part, state) in self.parts.iter().zip(&self.state) {
+            let list = match state {
+                BlockBonds::Empty => &mut self.unborn,
+                BlockBonds::Stencil => &mut swept.runs,
+                BlockBonds::Own(pattern) => {
+                    heads.push(BlockHead {
+                        point: part.point,
+                        slot: part.slot,
+                        len: part.len,
+                        pattern: *pattern,
+                    });
+                    continue;
+                }
+            };
+            match list.last_mut() {
+                Some(s) if [s.point + s.len, s.slot + s.len] == [part.point, part.slot] => {
+                    s.len += part.len;
+                }
+                _ => list.push(*part),
+            }
+        }
+    }
+
     /// Slots that carry or mirror a point.
     fn slots_of(&self, point: u32) -> impl Iterator<Item = usize> {
         let first = self.images.partition_point(|(p, _)| *p < point);

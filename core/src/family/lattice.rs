@@ -2,17 +2,16 @@
 //! families of both ends.
 
 use std::collections::BTreeMap;
-use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
 use crate::body::{Body, Face, Lattice};
 
 use super::blocks::BLOCK;
-use super::build::continued_faces;
+use super::build::{continued_faces, stretches};
 use super::calibration::{Calibration, factor_along};
 use super::layer::SlotGrid;
-use super::{Bond, Family, FamilyError, FamilySpec, Ghost, Order, StencilBond};
+use super::{Bond, FamilyError, FamilySpec, Ghost, PointSlots, Slots, Stencil, StencilBond};
 
 /// A slot without a point or layer point.
 pub(super) const EMPTY: u32 = u32::MAX;
@@ -217,8 +216,21 @@ impl LatticeBonds {
             + self.complete.len()
     }
 
-    /// A family with these slots and layers, and without bonds.
-    pub(super) fn layout(&self, body: &Body, spec: &FamilySpec, grid: SlotGrid) -> Family {
+    /// The slots of points and ghosts.
+    pub(super) fn slots(&self, body: &Body) -> Slots {
+        let mut slots = Slots {
+            // lanes of the last block that are no points reach a little beyond
+            len: self.mirror_of.len() + BLOCK,
+            points: PointSlots::Ascending(stretches(&self.slot_of_point, |_| true)),
+            periodic: body.periodic,
+            ..Slots::default()
+        };
+        slots.set_ghosts(self.ghosts.clone(), self.layers.clone());
+        slots
+    }
+
+    /// The bonds of complete families.
+    pub(super) fn stencil(&self, grid: SlotGrid) -> Stencil {
         let factor = self.lattice_factor;
         let corrected = |(offset, bond): &(isize, Bond)| StencilBond {
             offset: *offset,
@@ -228,23 +240,8 @@ impl LatticeBonds {
                 ..*bond
             },
         };
-        let corners = self.ghosts.iter().copied().filter(Ghost::is_corner);
-        Family {
-            spec: spec.clone(),
-            points: body.points.len(),
-            // lanes of the last block that are no points reach a little beyond
-            slots: self.mirror_of.len() + BLOCK,
-            corners: corners.collect(),
-            stencil: self.steps.iter().map(corrected).collect(),
-            ghosts: self.ghosts.clone(),
-            layers: self.layers.clone(),
-            periodic: body.periodic,
-            flat: body.dimension < 3,
-            grid: Some(grid),
-            order: Order::default(),
-            pairs: OnceLock::new(),
-            ..Family::default()
-        }
+        let bonds = self.steps.iter().map(corrected).collect();
+        Stencil { grid, bonds }
     }
 }
 

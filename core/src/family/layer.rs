@@ -18,7 +18,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::body::{Body, Face, Lattice};
 
 use super::lattice::{EMPTY, PaddedLattice};
-use super::{Family, Ghost, SlotField};
+use super::{Family, Ghost, SlotField, Stencil};
 
 /// How a field continues in the mirrored layer behind a face:
 /// `value(layer point) = scale * value(mirror point) + offset`, component by component
@@ -299,25 +299,25 @@ impl Family {
     /// Slots of the layer points, with the cells of the body's lattice in which they lie, counted on beyond its faces; none
     /// of a cloud.
     pub fn layer_cells(&self) -> Vec<(u32, [i64; 3])> {
-        let Some(grid) = &self.grid else {
+        let Some(Stencil { grid, .. }) = self.store.stencil() else {
             return Vec::new();
         };
-        let first = self.spans.first().map_or(0, |span| span.slot as usize);
+        let first = self.slot_of(0);
         let cell = |slot: usize| -> [i64; 3] {
             std::array::from_fn(|a| grid.cell(slot, a) as i64 - grid.cell(first, a) as i64)
         };
-        let layers = self.ghosts.iter();
+        let layers = self.slots.ghosts.iter();
         layers.map(|g| (g.slot, cell(g.slot as usize))).collect()
     }
 
     /// Number of layer points.
     pub fn layer_points(&self) -> usize {
-        self.ghosts.len()
+        self.slots.ghosts.len()
     }
 
     /// Whether there are layer points.
     pub fn has_layers(&self) -> bool {
-        !self.ghosts.is_empty()
+        !self.slots.ghosts.is_empty()
     }
 
     /// The layer points as images of points, for the vector field of `continuation`.
@@ -329,27 +329,31 @@ impl Family {
         let rule_of = |face: Face| rules.iter().find(|r| r.face == face);
         let scales = Face::ALL.map(|face| rule_of(face).map_or([1.0; 3], |r| r.scale));
         let bent = Face::ALL.map(|face| rule_of(face).is_some_and(|r| r.traction.is_some()));
-        self.ghosts.iter().enumerate().map(move |(index, ghost)| {
-            let mut image = Image {
-                slot: ghost.slot as usize,
-                point: ghost.point as usize,
-                scale: [1.0; 3],
-                mirror: [1.0; 3],
-                bend: continuation.bends.get(index).copied().unwrap_or_default(),
-                is_bent: (ghost.passes.iter().zip(bent)).any(|(&n, bent)| n > 0 && bent),
-            };
-            for (face, &passes) in Face::ALL.iter().zip(&ghost.passes) {
-                for _ in 0..passes {
-                    image.mirror[face.axis()] *= -1.0;
-                    (0..3).for_each(|a| image.scale[a] *= scales[*face as usize][a]);
+        self.slots
+            .ghosts
+            .iter()
+            .enumerate()
+            .map(move |(index, ghost)| {
+                let mut image = Image {
+                    slot: ghost.slot as usize,
+                    point: ghost.point as usize,
+                    scale: [1.0; 3],
+                    mirror: [1.0; 3],
+                    bend: continuation.bends.get(index).copied().unwrap_or_default(),
+                    is_bent: (ghost.passes.iter().zip(bent)).any(|(&n, bent)| n > 0 && bent),
+                };
+                for (face, &passes) in Face::ALL.iter().zip(&ghost.passes) {
+                    for _ in 0..passes {
+                        image.mirror[face.axis()] *= -1.0;
+                        (0..3).for_each(|a| image.scale[a] *= scales[*face as usize][a]);
+                    }
                 }
-            }
-            if ghost.is_corner() {
-                for (axis, scale) in image.scale.iter_mut().enumerate() {
-                    *scale = Jump::at(ghost, rules, axis).map_or(*scale, |jump| jump.scale);
+                if ghost.is_corner() {
+                    for (axis, scale) in image.scale.iter_mut().enumerate() {
+                        *scale = Jump::at(ghost, rules, axis).map_or(*scale, |jump| jump.scale);
+                    }
                 }
-            }
-            image
-        })
+                image
+            })
     }
 }

@@ -14,7 +14,9 @@ use crate::cell_list::CellList;
 
 use super::images::Images;
 use super::kernel::{ROW_LANES, RowOwner, Weighing};
-use super::{Correction, Family, FamilyError, FamilySpec, Order, Rows, TIE};
+use super::{
+    CloudRows, Correction, Family, FamilyError, FamilySpec, PointSlots, Rows, Slots, Store, TIE,
+};
 
 /// Width of the skin, in spacings of the finest points.
 const SKIN: f64 = 0.5;
@@ -99,8 +101,7 @@ impl Family {
     pub fn moving(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
         check(body, spec)?;
         let spacings = &body.points.spacing;
-        let mut family = Family::of_rows(body, spec, Rows::default(), Rows::joined(&[]));
-        family.following = Some(Box::new(Following {
+        let following = Following {
             body: body.clone(),
             spacing_of_point: spacings.clone(),
             horizon: spacings.iter().map(|s| spec.horizon.of(*s)).collect(),
@@ -110,10 +111,20 @@ impl Family {
             unit_moment: spec.moment(body, 1.0),
             volume: Vec::new(),
             spacing: Vec::new(),
-        }));
+        };
+        let rows = CloudRows::new(body, Rows::default());
+        let store = Store::Moving(rows, Box::new(following));
+        let mut family = Family::of_rows(body, spec, store, PointSlots::sorted(Vec::new()));
         family.rebuild_rows(&body.points.position);
         family.weigh(&body.points.volume);
         Ok(family)
+    }
+
+    fn following(&mut self) -> &mut Following {
+        match &mut self.store {
+            Store::Moving(_, following) => following,
+            _ => panic!("the family does not move"),
+        }
     }
 
     /// Updates the family to current positions (m) and volumes (m³): [`Family::rebuild_rows`] where a
@@ -122,7 +133,7 @@ impl Family {
     /// # Panics
     /// When the family does not move, or for another number of points.
     pub fn follow(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) {
-        let following = self.following.as_ref().expect("a moving family");
+        let following = self.following();
         if needs_rebuild(&following.found_at, positions, following.skin) {
             self.rebuild_rows(positions);
         }
@@ -135,10 +146,11 @@ impl Family {
     /// # Panics
     /// See [`Family::follow`].
     pub fn update_weights(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) {
-        let following = self.following.as_mut().expect("a moving family");
-        self.order
-            .arrange(positions, &mut following.body.points.position);
-        self.place_images();
+        if let Store::Moving(cloud, following) = &mut self.store {
+            let points = &mut following.body.points.position;
+            self.slots.points.arrange(positions, points);
+            following.place_images(&self.slots, &mut cloud.places.at);
+        }
         self.weigh(volumes);
     }
 
@@ -148,7 +160,67 @@ impl Family {
     /// # Panics
     /// See [`Family::follow`].
     pub fn rebuild_rows(&mut self, positions: &[Vector3<f64>]) {
-        let following = self.following.as_mut().expect("a moving family");
+        let Store::Moving(cloud, following) = &mut self.store else {
+            panic!("the family does not move");
+        };
+        let order = spatial_order(positions, &following.spacing_of_point);
+        self.slots.points = PointSlots::sorted(order.clone());
+        let mut images =
+            following.find_rows(&self.spec, &self.slots.points, positions, &mut cloud.rows);
+        cloud.rows.point.clone_from(&order);
+        self.layer_rows = match self.spec.audited.is_empty() {
+            true => Rows::joined(&[]),
+            false => cloud.rows.of_columns(&images.audited),
+        };
+        let ghosts = images.ghosts.iter_mut();
+        ghosts.for_each(|g| g.point = order[g.point as usize]);
+        self.take_images(images);
+    }
+
+    /// Weights of all bonds from where their ends are, for points of these volumes (m³).
+    fn weigh(&mut self, volumes: &[f64]) {
+        let Store::Moving(cloud, following) = &mut self.store else {
+            return;
+        };
+        let Following {
+            body,
+            horizon,
+            unit_moment,
+            volume,
+            spacing,
+            ..
+        } = &mut **following;
+        self.slots.points.arrange(volumes, &mut body.points.volume);
+        for (by_slot, own) in [
+            (&mut *volume, &body.points.volume),
+            (&mut *spacing, &body.points.spacing),
+        ] {
+            by_slot.clone_from(own);
+            for ghost in &self.slots.ghosts {
+                by_slot.push(by_slot[ghost.source as usize]);
+            }
+        }
+        let weighing = Weighing::new(&self.spec, &cloud.places, volume, spacing);
+        let power = body.dimension as i32 + 1;
+        let owner = |slot: usize| RowOwner {
+            slot,
+            horizon: horizon[slot],
+            moment: *unit_moment * horizon[slot].powi(power),
+        };
+        cloud.rows.weigh(&weighing, &owner);
+        self.layer_rows.weigh(&weighing, &owner);
+    }
+}
+
+impl Following {
+    /// Finds the rows of points in their slots at these positions (m), and their images.
+    fn find_rows(
+        &mut self,
+        spec: &FamilySpec,
+        points: &PointSlots,
+        positions: &[Vector3<f64>],
+        rows: &mut Rows,
+    ) -> Images {
         let Following {
             body,
             spacing_of_point,
@@ -157,22 +229,18 @@ impl Family {
             found_at,
             list,
             ..
-        } = &mut **following;
+        } = self;
         found_at.clear();
         found_at.extend_from_slice(positions);
-        self.order = Order::new(spatial_order(positions, spacing_of_point));
-        self.order.arrange(positions, &mut body.points.position);
-        self.order
-            .arrange(spacing_of_point, &mut body.points.spacing);
+        points.arrange(positions, &mut body.points.position);
+        points.arrange(spacing_of_point, &mut body.points.spacing);
         let spacings = horizon.iter_mut().zip(&body.points.spacing);
-        spacings.for_each(|(h, s)| *h = self.spec.horizon.of(*s));
+        spacings.for_each(|(h, s)| *h = spec.horizon.of(*s));
         let coarsest = body.coarsest_spacing();
-        let reach = horizon
-            .iter()
-            .map(|h| self.spec.reach(*h, coarsest) + *skin);
+        let reach = horizon.iter().map(|h| spec.reach(*h, coarsest) + *skin);
         let reach: Vec<f64> = reach.collect();
         let widest = reach.iter().copied().fold(0.0, f64::max);
-        let images = Images::new(body, &self.spec, widest);
+        let images = Images::new(body, spec, widest);
         let reaches: Vec<f64> = images.point.iter().map(|&p| reach[p as usize]).collect();
         list.update(&images.position, &reaches);
         let near = |point: usize| {
@@ -186,24 +254,21 @@ impl Family {
             row.sort_unstable();
             row
         };
-        let rows: Vec<Vec<u32>> = (0..self.points).into_par_iter().map(near).collect();
-        let bonds: usize = rows.iter().map(Vec::len).sum();
+        let near: Vec<Vec<u32>> = (0..reach.len()).into_par_iter().map(near).collect();
         let Rows {
-            point,
             slot,
             start,
             column,
             weight,
             ..
-        } = &mut self.rows;
-        point.clone_from(&self.order.point_in);
+        } = rows;
         slot.clear();
-        slot.extend(0..self.points as u32);
+        slot.extend(0..reach.len() as u32);
         column.clear();
-        column.reserve(bonds + ROW_LANES);
+        column.reserve(near.iter().map(Vec::len).sum::<usize>() + ROW_LANES);
         start.clear();
         start.push(0);
-        for row in rows {
+        for row in near {
             column.extend(row);
             start.push(column.len());
         }
@@ -211,30 +276,23 @@ impl Family {
         column.extend([0; ROW_LANES]);
         weight.clear();
         weight.resize(column.len(), 0.0);
-        self.layer_rows = match self.spec.audited.is_empty() {
-            true => Rows::joined(&[]),
-            false => self.rows.of_columns(&images.audited),
-        };
-        self.take_images(images);
-        let ghosts = self.ghosts.iter_mut().chain(&mut self.corners);
-        ghosts.for_each(|g| g.point = self.order.point_in[g.point as usize]);
+        images
     }
 
     /// Moves the images with their points.
-    fn place_images(&mut self) {
-        let following = self.following.as_ref().expect("a moving family");
-        let body = &following.body;
-        for (axis, places) in self.places.iter_mut().enumerate() {
+    fn place_images(&self, slots: &Slots, places: &mut [Vec<f64>; 3]) {
+        let body = &self.body;
+        for (axis, places) in places.iter_mut().enumerate() {
             let points = places.iter_mut().zip(&body.points.position);
             points.for_each(|(place, x)| *place = x[axis]);
         }
-        for (face, range) in &self.layers {
+        for (face, ghosts) in slots.layers() {
             let axis = face.axis();
-            let (position, extent) = (body.face_position(*face), body.extent(axis));
-            for ghost in &self.ghosts[range.clone()] {
+            let (position, extent) = (body.face_position(face), body.extent(axis));
+            for ghost in ghosts {
                 let (slot, source) = (ghost.slot as usize, ghost.source as usize);
-                for (a, places) in self.places.iter_mut().enumerate() {
-                    places[slot] = match (a == axis, self.periodic[axis]) {
+                for (a, places) in places.iter_mut().enumerate() {
+                    places[slot] = match (a == axis, slots.periodic[axis]) {
                         (false, _) => places[source],
                         (true, false) => 2.0 * position - places[source],
                         (true, true) if face.is_upper() => places[source] + extent,
@@ -243,38 +301,6 @@ impl Family {
                 }
             }
         }
-    }
-
-    /// Weights of all bonds from where their ends are, for points of these volumes (m³).
-    fn weigh(&mut self, volumes: &[f64]) {
-        let following = self.following.as_mut().expect("a moving family");
-        let Following {
-            body,
-            horizon,
-            unit_moment,
-            volume,
-            spacing,
-            ..
-        } = &mut **following;
-        self.order.arrange(volumes, &mut body.points.volume);
-        for (by_slot, own) in [
-            (&mut *volume, &body.points.volume),
-            (&mut *spacing, &body.points.spacing),
-        ] {
-            by_slot.clone_from(own);
-            for ghost in &self.ghosts {
-                by_slot.push(by_slot[ghost.source as usize]);
-            }
-        }
-        let weighing = Weighing::new(&self.spec, &self.places, self.flat, volume, spacing);
-        let power = body.dimension as i32 + 1;
-        let owner = |slot: usize| RowOwner {
-            slot,
-            horizon: horizon[slot],
-            moment: *unit_moment * horizon[slot].powi(power),
-        };
-        self.rows.weigh(&weighing, &owner);
-        self.layer_rows.weigh(&weighing, &owner);
     }
 }
 

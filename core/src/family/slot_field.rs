@@ -8,7 +8,7 @@ use std::slice;
 
 use rayon::prelude::*;
 
-use super::{Family, GhostRule, SLOTS};
+use super::{Family, GhostRule, PointSlots, SLOTS};
 
 /// Values of a field by point: a slice, or a function of the point that costs little.
 pub trait PointValues: Sync {
@@ -45,7 +45,7 @@ pub struct SlotField(Vec<f64>);
 impl SlotField {
     /// Zero everywhere.
     pub fn zeros(family: &Family) -> SlotField {
-        SlotField(vec![0.0; family.slots])
+        SlotField(vec![0.0; family.slots.len])
     }
 
     /// Takes the values of points, and fills the ghosts by their rule.
@@ -80,20 +80,21 @@ impl SlotField {
 
     /// Copies the values of points to their slots.
     fn take(&mut self, family: &Family, values: &impl PointValues) {
-        self.0.resize(family.slots, 0.0);
-        if !family.order.point_in.is_empty() {
-            let slots = self.0.par_iter_mut().zip(&family.order.point_in);
-            return slots
-                .with_min_len(SLOTS)
-                .for_each(|(value, &point)| *value = values.at(point as usize));
-        }
+        self.0.resize(family.slots.len, 0.0);
+        let spans = match &family.slots.points {
+            PointSlots::Ascending(spans) => spans,
+            PointSlots::Sorted { point_in, .. } => {
+                let slots = self.0.par_iter_mut().zip(point_in);
+                return slots
+                    .with_min_len(SLOTS)
+                    .for_each(|(value, &point)| *value = values.at(point as usize));
+            }
+        };
         let parts = self.0.par_chunks_mut(SLOTS).enumerate();
         parts.for_each(|(number, part)| {
             let (start, end) = (number * SLOTS, number * SLOTS + part.len());
-            let from = family
-                .spans
-                .partition_point(|s| (s.slot + s.len) as usize <= start);
-            let spans = family.spans[from..].iter();
+            let from = spans.partition_point(|s| (s.slot + s.len) as usize <= start);
+            let spans = spans[from..].iter();
             for span in spans.take_while(|s| (s.slot as usize) < end) {
                 let (slot, point) = (span.slot as usize, span.point as usize);
                 let here = slot.max(start)..(slot + span.len as usize).min(end);

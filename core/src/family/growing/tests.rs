@@ -139,7 +139,7 @@ fn only_bonds_near_the_front_are_found_again() {
     assert!(family.recalibrated().len() > 10);
     assert_eq!(family.recalibrated().iter().filter(far).count(), 0);
     // patterns that no block has any more are used again
-    let patterns = |f: &Family| f.blocks.memory();
+    let patterns = |f: &Family| f.store.stencil_bonds().expect("blocks").blocks.memory();
     let before = patterns(&family);
     for _ in 0..50 {
         active[point.expect("there is one")] ^= true;
@@ -151,7 +151,7 @@ fn only_bonds_near_the_front_are_found_again() {
 #[test]
 fn bodies_without_a_stencil_are_refused() {
     let mut body = block([9.0, 7.0, 5.0], 3);
-    body.store = Store::List;
+    body.store = body::Store::List;
     let active = vec![true; body.points.len()];
     let refused = Family::growing(&body, &FamilySpec::new(3.0), &active, 0);
     assert!(matches!(refused, Err(FamilyError::Growing(_))));

@@ -6,7 +6,7 @@ use super::lattice::lanes;
 use super::{Bits, Bond, BondKernel, Output, SweepInputs};
 #[cfg(target_arch = "x86_64")]
 use super::{InstructionSet, instructions};
-use crate::family::{Chunk, Family, FamilySpec, Rows};
+use crate::family::{Chunk, CloudRows, FamilySpec, Rows, SlotPlaces};
 
 /// Bonds of a row that are computed together on a cloud: two AVX2 registers.
 pub(in crate::family) const ROW_LANES: usize = 8;
@@ -21,11 +21,11 @@ struct BondGroup<'a> {
     first: usize,
 }
 
-impl Family {
+impl SlotPlaces {
     /// The sum of a row of a cloud, [`ROW_LANES`] bonds at a time. The loop for rows without broken bonds is compiled only
     /// where speed matters (`FAST`).
     #[inline(always)]
-    pub(super) fn sum_cloud_row<const I: usize, const O: usize, const FAST: bool>(
+    pub(super) fn sum_row<const I: usize, const O: usize, const FAST: bool>(
         &self,
         kernel: &impl BondKernel<I, O>,
         inputs: &[&[f64]; I],
@@ -65,7 +65,7 @@ impl Family {
         counts: impl Fn(usize) -> bool,
         sums: &mut [[f64; ROW_LANES]; O],
     ) {
-        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][slot]);
+        let here: [f64; 3] = std::array::from_fn(|a| self.at[a][slot]);
         let own: [f64; I] = std::array::from_fn(|i| inputs[i][slot]);
         let columns: [u32; ROW_LANES] = rows.column[first..first + ROW_LANES]
             .try_into()
@@ -78,7 +78,7 @@ impl Family {
         let plane = self.flat.then_some(here[2]);
         // SAFETY: columns are slots (asserted by `Family::take_images`), for each of which there are positions (made
         // there).
-        let there = unsafe { gather_places(&self.places, plane, columns) };
+        let there = unsafe { gather_places(&self.at, plane, columns) };
         let mut other = [[0.0; ROW_LANES]; I];
         for (other, input) in other.iter_mut().zip(inputs) {
             // SAFETY: as above, and there are as many inputs as slots (asserted by `Family::check_inputs`).
@@ -106,27 +106,28 @@ impl Family {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 pub(super) fn sweep_cloud_avx2<const I: usize, const O: usize>(
-    family: &Family,
+    cloud: &CloudRows,
     kernel: &impl BondKernel<I, O>,
     inputs: SweepInputs<'_, I>,
     output: &Output<'_, O>,
     chunk: &Chunk,
 ) {
-    sweep_cloud(family, kernel, inputs, output, chunk);
+    sweep_cloud(cloud, kernel, inputs, output, chunk);
 }
 
 #[inline(always)]
 pub(super) fn sweep_cloud<const I: usize, const O: usize>(
-    family: &Family,
+    cloud: &CloudRows,
     kernel: &impl BondKernel<I, O>,
     inputs: SweepInputs<'_, I>,
     output: &Output<'_, O>,
     chunk: &Chunk,
 ) {
+    let CloudRows { places, rows } = cloud;
     for row in chunk.rows.clone() {
-        let point = family.rows.point[row] as usize;
+        let point = rows.point[row] as usize;
         let (values, bits) = (inputs.values, inputs.bits(point));
-        let sum = family.sum_cloud_row::<I, O, true>(kernel, values, &family.rows, row, bits);
+        let sum = places.sum_row::<I, O, true>(kernel, values, rows, row, bits);
         // SAFETY: rows are those of points of the family, for each of which `output` has sums, and no other chunk
         // contains them.
         unsafe { output.set(point, sum) }
@@ -136,8 +137,7 @@ pub(super) fn sweep_cloud<const I: usize, const O: usize>(
 /// Fields by slot from which the weights of rows follow.
 pub(in crate::family) struct Weighing<'a> {
     spec: &'a FamilySpec,
-    places: &'a [Vec<f64>; 3],
-    flat: bool,
+    places: &'a SlotPlaces,
     volume: &'a [f64],
     spacing: &'a [f64],
 }
@@ -153,24 +153,22 @@ pub(in crate::family) struct RowOwner {
 }
 
 impl<'a> Weighing<'a> {
-    /// Positions (m; `flat`: all in one plane), volumes (m³) and spacings (m) of all slots.
+    /// Places, volumes (m³) and spacings (m) of all slots.
     ///
     /// # Panics
     /// When there is not one of each for each slot.
     pub fn new(
         spec: &'a FamilySpec,
-        places: &'a [Vec<f64>; 3],
-        flat: bool,
+        places: &'a SlotPlaces,
         volume: &'a [f64],
         spacing: &'a [f64],
     ) -> Self {
-        let lengths = places.iter().map(Vec::len);
+        let lengths = places.at.iter().map(Vec::len);
         let mut lengths = lengths.chain([volume.len(), spacing.len()]);
         assert!(lengths.all(|n| n == volume.len()), "one for each slot");
         Weighing {
             spec,
             places,
-            flat,
             volume,
             spacing,
         }
@@ -194,14 +192,14 @@ impl<'a> Weighing<'a> {
             horizon,
             moment,
         } = owner;
-        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][slot]);
+        let here: [f64; 3] = std::array::from_fn(|a| self.places.at[a][slot]);
         let (rows, _) = columns.as_chunks::<ROW_LANES>();
         for (weights, &columns) in weights.chunks_mut(ROW_LANES).zip(rows) {
-            let plane = self.flat.then_some(here[2]);
+            let plane = self.places.flat.then_some(here[2]);
             // SAFETY: columns are slots (asserted by `Family::take_images`), for each of which there are positions (made
             // there), volumes and spacings (asserted by `Weighing::new`).
             let (there, volume, spacing) = unsafe {
-                let there = gather_places(self.places, plane, columns);
+                let there = gather_places(&self.places.at, plane, columns);
                 (
                     there,
                     gather(self.volume, columns),

@@ -3,45 +3,53 @@
 
 use super::{Bond, BondKernel, Output, SweepInputs};
 use crate::family::blocks::Weights;
-use crate::family::{Chunk, Family, StencilBond};
+use crate::family::{Chunk, Family, StencilBond, StencilBonds};
 
 /// Points that advance together: two AVX-512 or four AVX2 registers.
 const LANES: usize = 16;
 
+/// A family on a lattice, and its bonds.
+#[derive(Clone, Copy)]
+pub(super) struct LatticeSweep<'a> {
+    pub(super) family: &'a Family,
+    pub(super) bonds: &'a StencilBonds,
+}
+
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl")]
 pub(super) fn sweep_avx512<const I: usize, const O: usize>(
-    family: &Family,
+    sweep: LatticeSweep<'_>,
     kernel: &impl BondKernel<I, O>,
     inputs: SweepInputs<'_, I>,
     output: &Output<'_, O>,
     chunk: &Chunk,
 ) {
-    sweep_lattice(family, kernel, inputs, output, chunk);
+    sweep_lattice(sweep, kernel, inputs, output, chunk);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 pub(super) fn sweep_avx2<const I: usize, const O: usize>(
-    family: &Family,
+    sweep: LatticeSweep<'_>,
     kernel: &impl BondKernel<I, O>,
     inputs: SweepInputs<'_, I>,
     output: &Output<'_, O>,
     chunk: &Chunk,
 ) {
-    sweep_lattice(family, kernel, inputs, output, chunk);
+    sweep_lattice(sweep, kernel, inputs, output, chunk);
 }
 
 #[inline(always)]
 pub(super) fn sweep_lattice<const I: usize, const O: usize>(
-    family: &Family,
+    sweep: LatticeSweep<'_>,
     kernel: &impl BondKernel<I, O>,
     inputs: SweepInputs<'_, I>,
     output: &Output<'_, O>,
     chunk: &Chunk,
 ) {
+    let LatticeSweep { family, bonds } = sweep;
     // slices of one length need one check of bounds for all
-    let values = &inputs.values.map(|input| &input[..family.slots]);
+    let values = &inputs.values.map(|input| &input[..family.slots.len]);
     // SAFETY: points of a chunk are points of the family, for each of which `output` has sums, and no other chunk
     // contains them.
     let set = |point: usize, sum: [f64; O]| unsafe { output.set(point, sum) };
@@ -51,8 +59,8 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
             family.sum_bonds(kernel, values, point, inputs.bits(point)),
         )
     };
-    let stencil = &family.stencil[..];
-    for run in &family.runs[chunk.runs.clone()] {
+    let stencil = &bonds.stencil.bonds[..];
+    for run in &bonds.runs[chunk.runs.clone()] {
         let (slot, point, len) = (run.slot as usize, run.point as usize, run.len as usize);
         let mut done = 0;
         while done < len {
@@ -73,12 +81,12 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
         }
     }
     for block in chunk.blocks.clone() {
-        let head = family.blocks.head[block];
+        let head = bonds.blocks.head[block];
         let points = head.points();
         if inputs.is_whole(points.clone()) {
             let bonds = LaneBonds {
                 stencil,
-                weights: Some(family.blocks.weights(block)),
+                weights: Some(bonds.blocks.weights(block)),
             };
             let sums = sum_lanes(kernel, bonds, values, head.slot as usize);
             points.zip(sums).for_each(|(p, sum)| set(p, sum));

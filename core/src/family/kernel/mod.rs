@@ -11,7 +11,8 @@ use rayon::prelude::*;
 
 use super::blocks::BlockHead;
 use super::broken::Bits;
-use super::{BrokenBonds, Chunk, Family, Rows, Span};
+use super::growing::GrowingBonds;
+use super::{BrokenBonds, Chunk, CloudRows, Family, Rows, Span, StencilBonds, Store};
 
 mod cloud;
 mod instructions;
@@ -30,7 +31,7 @@ pub use instructions::{InstructionSet, limit_instructions};
 #[cfg(not(target_arch = "x86_64"))]
 use lattice::sweep_lattice;
 #[cfg(target_arch = "x86_64")]
-use lattice::{sweep_avx2, sweep_avx512};
+use lattice::{LatticeSweep, sweep_avx2, sweep_avx512};
 pub(super) use pairs::Pairs;
 use sums::Output;
 
@@ -206,22 +207,23 @@ impl Family {
         };
         if const { K::PAIRED > 0 }
             && instructions::can_fuse()
-            && self.growth.is_none()
-            && let Some(pairs) = self.pairs.get_or_init(|| Pairs::new(self))
+            && let Store::Lattice(_, pairs) = &self.store
+            && let Some(pairs) = pairs.get_or_init(|| Pairs::new(self))
         {
             return self.sum_pairs(kernel, pairs, inputs, &output);
         }
         for_each(&self.chunks, &|chunk| {
             self.sweep(kernel, inputs, &output, chunk);
         });
-        for point in self.unborn.iter().flat_map(Span::points) {
+        let unborn = self.store.growth().map_or(&[][..], GrowingBonds::unborn);
+        for point in unborn.iter().flat_map(Span::points) {
             // SAFETY: it is a point of the family, and the threads of the sweep have ended.
             unsafe { output.set(point, [0.0; O]) }
         }
     }
 
     fn check_inputs<const I: usize>(&self, inputs: &[&[f64]; I]) {
-        let slots = |input: &&[f64]| input.len() == self.slots;
+        let slots = |input: &&[f64]| input.len() == self.slots.len;
         assert!(inputs.iter().all(slots), "inputs are slot arrays");
     }
 
@@ -239,7 +241,7 @@ impl Family {
             let first = block * sums.len();
             let rows = sums.par_iter_mut().zip(first..first + points.len());
             rows.with_min_len(128).for_each(|(sums, row)| {
-                *sums = self.sum_any_row(kernel, &inputs, &self.layer_rows, row, Bits::NONE);
+                *sums = self.sum_row(kernel, &inputs, &self.layer_rows, row, Bits::NONE);
             });
             let points = points.iter().zip(&sums);
             points.for_each(|(&point, sums)| receive(point as usize, *sums));
@@ -277,32 +279,11 @@ impl Family {
 
     /// Centre of a slot along an axis, m.
     pub(super) fn place(&self, slot: usize, axis: usize) -> f64 {
-        match &self.grid {
-            Some(grid) => grid.position(slot, axis),
-            None => self.places[axis][slot],
-        }
-    }
-
-    pub(super) fn bond_of_row(&self, slot: usize, at: usize) -> Bond {
-        let weight = self.rows.weight[at];
-        let dual = self.rows.dual.get(at).copied().unwrap_or(weight);
-        if self.is_cloud() {
-            let other = self.rows.column[at] as usize;
-            let xi: [f64; 3] =
-                std::array::from_fn(|a| self.places[a][other] - self.places[a][slot]);
-            let length = xi.iter().map(|x| x * x).sum::<f64>().sqrt();
-            return Bond {
-                xi,
-                length,
-                inverse_length: 1.0 / length,
-                weight,
-                dual,
-            };
-        }
-        Bond {
-            weight,
-            dual,
-            ..self.stencil[self.rows.step[at] as usize].bond
+        match &self.store {
+            Store::Cloud(cloud) | Store::Moving(cloud, _) => cloud.places.at[axis][slot],
+            Store::Lattice(StencilBonds { stencil, .. }, _)
+            | Store::Growing(StencilBonds { stencil, .. }, _)
+            | Store::List(stencil, _) => stencil.grid.position(slot, axis),
         }
     }
 
@@ -316,22 +297,26 @@ impl Family {
         // SAFETY: points of a chunk are points of the family, for each of which `output` has sums, and no other chunk
         // contains them.
         let set = |point: usize, sum: [f64; O]| unsafe { output.set(point, sum) };
-        for row in chunk.rows.clone() {
-            let point = self.rows.point[row] as usize;
+        let alone = |point: usize| {
             let bits = inputs.bits(point);
-            set(
-                point,
-                self.sum_any_row(kernel, inputs.values, &self.rows, row, bits),
-            );
-        }
-        let blocks = self.blocks.head[chunk.blocks.clone()].iter();
-        let blocks = blocks.map(BlockHead::points);
-        let runs = self.runs[chunk.runs.clone()].iter().map(Span::points);
-        for point in blocks.chain(runs).flatten() {
-            set(
-                point,
-                self.sum_bonds(kernel, inputs.values, point, inputs.bits(point)),
-            );
+            set(point, self.sum_bonds(kernel, inputs.values, point, bits));
+        };
+        match &self.store {
+            Store::Cloud(CloudRows { rows, .. }) | Store::Moving(CloudRows { rows, .. }, _) => {
+                for row in chunk.rows.clone() {
+                    let point = rows.point[row] as usize;
+                    let bits = inputs.bits(point);
+                    set(point, self.sum_row(kernel, inputs.values, rows, row, bits));
+                }
+            }
+            Store::Lattice(bonds, _) | Store::Growing(bonds, _) => {
+                let heads = bonds.blocks.head[chunk.blocks.clone()].iter();
+                let runs = bonds.runs[chunk.runs.clone()].iter().map(Span::points);
+                let points = heads.map(BlockHead::points).chain(runs);
+                points.flatten().for_each(alone);
+            }
+            // each point has a row
+            Store::List(..) => chunk.rows.clone().for_each(alone),
         }
     }
 
@@ -365,53 +350,45 @@ impl Family {
         if const { K::RARE } {
             return self.sweep_plainly(kernel, inputs, output, chunk);
         }
-        // the rows of a lattice refer to bonds of the stencil
-        if !(self.is_cloud() || chunk.rows.is_empty()) {
-            return self.sweep_plainly(kernel, inputs, output, chunk);
-        }
-        #[cfg(target_arch = "x86_64")]
-        match instructions::used() {
-            InstructionSet::Baseline => self.sweep_plainly(kernel, inputs, output, chunk),
-            // the gather instructions of AVX-512 are slower than single loads
-            _ if self.is_cloud() => {
-                // SAFETY: the instruction set was detected.
-                unsafe { sweep_cloud_avx2(self, kernel, inputs, output, chunk) }
+        match &self.store {
+            Store::Cloud(cloud) | Store::Moving(cloud, _) => {
+                #[cfg(target_arch = "x86_64")]
+                match instructions::used() {
+                    InstructionSet::Baseline => self.sweep_plainly(kernel, inputs, output, chunk),
+                    // the gather instructions of AVX-512 are slower than single loads
+                    InstructionSet::Avx512 | InstructionSet::Avx2 => {
+                        // SAFETY: the instruction set was detected.
+                        unsafe { sweep_cloud_avx2(cloud, kernel, inputs, output, chunk) }
+                    }
+                }
+                #[cfg(not(target_arch = "x86_64"))]
+                sweep_cloud(cloud, kernel, inputs, output, chunk);
             }
-            // paired kernels use AVX2: only bodies that are too narrow for pairs are swept here
-            InstructionSet::Avx512 if const { K::PAIRED == 0 } => {
-                // SAFETY: the instruction set was detected.
-                unsafe { sweep_avx512(self, kernel, inputs, output, chunk) }
+            Store::List(..) => self.sweep_plainly(kernel, inputs, output, chunk),
+            Store::Lattice(bonds, _) | Store::Growing(bonds, _) => {
+                let family = self;
+                let sweep = LatticeSweep { family, bonds };
+                #[cfg(target_arch = "x86_64")]
+                match instructions::used() {
+                    InstructionSet::Baseline => self.sweep_plainly(kernel, inputs, output, chunk),
+                    // paired kernels use AVX2: only bodies that are too narrow for pairs are swept here
+                    InstructionSet::Avx512 if const { K::PAIRED == 0 } => {
+                        // SAFETY: the instruction set was detected.
+                        unsafe { sweep_avx512(sweep, kernel, inputs, output, chunk) }
+                    }
+                    InstructionSet::Avx512 | InstructionSet::Avx2 => {
+                        // SAFETY: the instruction set was detected, or one that includes it.
+                        unsafe { sweep_avx2(sweep, kernel, inputs, output, chunk) }
+                    }
+                }
+                #[cfg(not(target_arch = "x86_64"))]
+                sweep_lattice(sweep, kernel, inputs, output, chunk);
             }
-            InstructionSet::Avx512 | InstructionSet::Avx2 => {
-                // SAFETY: the instruction set was detected, or one that includes it.
-                unsafe { sweep_avx2(self, kernel, inputs, output, chunk) }
-            }
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        match self.is_cloud() {
-            true => sweep_cloud(self, kernel, inputs, output, chunk),
-            false => sweep_lattice(self, kernel, inputs, output, chunk),
         }
     }
 
     /// The sum of one row, compiled once.
     #[inline(never)]
-    fn sum_any_row<const I: usize, const O: usize>(
-        &self,
-        kernel: &impl BondKernel<I, O>,
-        inputs: &[&[f64]; I],
-        rows: &Rows,
-        row: usize,
-        broken: Bits<'_>,
-    ) -> [f64; O] {
-        if self.is_cloud() {
-            self.sum_cloud_row::<I, O, false>(kernel, inputs, rows, row, broken)
-        } else {
-            self.sum_row(kernel, inputs, rows, row, broken)
-        }
-    }
-
-    #[inline(always)]
     fn sum_row<const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
@@ -420,32 +397,23 @@ impl Family {
         row: usize,
         broken: Bits<'_>,
     ) -> [f64; O] {
-        let at = rows.slot[row] as usize;
-        let own = inputs_at(inputs, at);
+        let stencil = match &self.store {
+            Store::Cloud(cloud) | Store::Moving(cloud, _) => {
+                let places = &cloud.places;
+                return places.sum_row::<I, O, false>(kernel, inputs, rows, row, broken);
+            }
+            Store::Lattice(StencilBonds { stencil, .. }, _)
+            | Store::Growing(StencilBonds { stencil, .. }, _)
+            | Store::List(stencil, _) => stencil,
+        };
+        let own = inputs_at(inputs, rows.slot[row] as usize);
         let mut sums = [0.0; O];
-        let range = rows.start[row]..rows.start[row + 1];
-        let columns = &rows.column[range.clone()];
-        let (weights, duals) = (&rows.weight[range.clone()], &rows.dual[range.clone()]);
-        let members = columns
-            .iter()
-            .zip(&rows.step[range])
-            .zip(weights)
-            .zip(duals);
-        for (number, (((&column, &step), &weight), &dual)) in members.enumerate() {
-            if broken.is_broken(number) {
-                continue;
+        stencil.for_each_bond(rows, row, |number, bond, other| {
+            if !broken.is_broken(number) {
+                let part = kernel.bond(bond, own, inputs_at(inputs, other));
+                (0..O).for_each(|o| sums[o] += part[o]);
             }
-            let bond = Bond {
-                weight,
-                dual,
-                ..self.stencil[step as usize].bond
-            };
-            let other = inputs_at(inputs, column as usize);
-            let part = kernel.bond(&bond, own, other);
-            for o in 0..O {
-                sums[o] += part[o];
-            }
-        }
+        });
         sums
     }
 }

@@ -16,7 +16,7 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 use crate::family::blocks::{BLOCK, BlockBuilder, Blocks};
-use crate::family::{Family, StencilBond};
+use crate::family::{Family, StencilBond, Store};
 
 /// Rows of a box, about: with more of them fewer inputs are read twice, with fewer more threads are busy.
 const ROWS: usize = 12;
@@ -112,7 +112,7 @@ struct BoxedPoint {
 /// The points of all boxes.
 fn boxed_points(family: &Family, boxes: &RowBoxes) -> Vec<BoxedPoint> {
     let mut points = Vec::with_capacity(family.points);
-    for span in &family.spans {
+    for span in family.slots.points.spans() {
         for (slot, point) in (span.slot..).zip(span.point..span.point + span.len) {
             let place = boxes.place_of(slot as usize);
             points.push(BoxedPoint {
@@ -138,20 +138,23 @@ fn order_of(ahead: &[StencilBond]) -> Vec<usize> {
 impl Pairs {
     /// The pairs of a family; `None` on a cloud, for rows, and on a line, whose points are few.
     pub fn new(family: &Family) -> Option<Pairs> {
-        let cells = family.grid.as_ref()?.cells();
+        let Store::Lattice(bonds, _) = &family.store else {
+            return None;
+        };
+        let (cells, stencil) = (bonds.stencil.grid.cells(), &bonds.stencil.bonds);
         let is_line = cells[1] == 1 && cells[2] == 1;
-        if !family.rows.point.is_empty() || cells[0] < BLOCK || is_line {
+        if cells[0] < BLOCK || is_line {
             return None;
         }
-        let half = family.stencil.len() / 2;
-        let (behind, ahead) = family.stencil.split_at(half);
+        let half = stencil.len() / 2;
+        let (behind, ahead) = stencil.split_at(half);
         let order = order_of(ahead);
         let mut rank = vec![0; half];
         for (place, &number) in order.iter().enumerate() {
             rank[number] = place;
         }
-        let mut holds_point = vec![false; family.slots];
-        for span in &family.spans {
+        let mut holds_point = vec![false; family.slots.len];
+        for span in family.slots.points.spans() {
             holds_point[span.slot as usize..][..span.len as usize].fill(true);
         }
         let mut blocks_ahead = BlockBuilder::new(half);

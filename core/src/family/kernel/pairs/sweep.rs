@@ -43,7 +43,7 @@ impl Family {
             family: self,
             pairs,
             inputs,
-            planes: Planes::new(&mut work, self.slots),
+            planes: Planes::new(&mut work, self.slots.len),
         };
         for boxes in &pairs.boxes {
             for_each(boxes, &|blocks| sweep.sweep_box(kernel, blocks));
@@ -145,7 +145,7 @@ fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
 ) {
     let PairSweep { family, pairs, .. } = sweep;
     // slices of one length need one check of bounds for all
-    let inputs = &sweep.inputs.values.map(|input| &input[..family.slots]);
+    let inputs = &sweep.inputs.values.map(|input| &input[..family.slots.len]);
     let add_points = |points: Range<usize>, is_ahead: bool| {
         points.for_each(|point| sweep.add_unbroken(kernel, point, is_ahead));
     };

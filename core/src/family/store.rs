@@ -1,0 +1,238 @@
+//! Where the bonds of a family are: what a sweep goes through.
+
+use std::sync::OnceLock;
+
+use super::Bond;
+use super::blocks::Blocks;
+use super::growing::GrowingBonds;
+use super::kernel::Pairs;
+use super::layer::SlotGrid;
+use super::moving::Following;
+use super::slots::Span;
+
+/// The bonds of a family.
+#[derive(Debug)]
+pub(super) enum Store {
+    /// Points of a lattice, in runs and blocks. The pairs are built by the first kernel with paired sums.
+    Lattice(StencilBonds, OnceLock<Option<Pairs>>),
+    /// Points of a lattice that become present and absent.
+    Growing(StencilBonds, Box<GrowingBonds>),
+    /// A row for each point of a lattice.
+    List(Stencil, Rows),
+    /// A row for each of points anywhere.
+    Cloud(CloudRows),
+    /// A row for each of points that move.
+    Moving(CloudRows, Box<Following>),
+}
+
+/// Bonds that all complete families of a lattice have.
+#[derive(Debug)]
+pub(super) struct Stencil {
+    pub(super) grid: SlotGrid,
+    pub(super) bonds: Vec<StencilBond>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StencilBond {
+    pub(super) offset: isize,
+    pub(super) bond: Bond,
+}
+
+/// Bonds that equal those of a stencil, or differ from them in their weights only.
+#[derive(Debug)]
+pub(super) struct StencilBonds {
+    pub(super) stencil: Stencil,
+    /// Points whose families are complete and equal.
+    pub(super) runs: Vec<Span>,
+    pub(super) blocks: Blocks,
+}
+
+/// Compressed rows of bonds.
+#[derive(Debug, Default)]
+pub(super) struct Rows {
+    pub(super) point: Vec<u32>,
+    pub(super) slot: Vec<u32>,
+    pub(super) start: Vec<usize>,
+    pub(super) column: Vec<u32>,
+    /// Number in the stencil; on a lattice only.
+    pub(super) step: Vec<u16>,
+    pub(super) weight: Vec<f64>,
+    /// Empty where equal to `weight`, as in moving families.
+    pub(super) dual: Vec<f64>,
+}
+
+/// Rows whose bonds follow from the places of slots.
+#[derive(Debug, Default)]
+pub(super) struct CloudRows {
+    pub(super) places: SlotPlaces,
+    pub(super) rows: Rows,
+}
+
+/// Reference position of each slot along each axis, m.
+#[derive(Debug, Default)]
+pub(super) struct SlotPlaces {
+    pub(super) at: [Vec<f64>; 3],
+    /// Whether all points lie in a plane of constant z.
+    pub(super) flat: bool,
+}
+
+impl Default for Store {
+    fn default() -> Self {
+        Store::Cloud(CloudRows::default())
+    }
+}
+
+impl Store {
+    pub(super) fn stencil(&self) -> Option<&Stencil> {
+        match self {
+            Store::Lattice(bonds, _) | Store::Growing(bonds, _) => Some(&bonds.stencil),
+            Store::List(stencil, _) => Some(stencil),
+            Store::Cloud(_) | Store::Moving(..) => None,
+        }
+    }
+
+    pub(super) fn stencil_bonds(&self) -> Option<&StencilBonds> {
+        match self {
+            Store::Lattice(bonds, _) | Store::Growing(bonds, _) => Some(bonds),
+            _ => None,
+        }
+    }
+
+    pub(super) fn growth(&self) -> Option<&GrowingBonds> {
+        match self {
+            Store::Growing(_, growth) => Some(growth),
+            _ => None,
+        }
+    }
+
+    pub(super) fn memory(&self) -> usize {
+        match self {
+            Store::Lattice(bonds, pairs) => {
+                let pairs = pairs.get().and_then(Option::as_ref);
+                bonds.blocks.memory() + pairs.map_or(0, Pairs::memory)
+            }
+            Store::Growing(bonds, growth) => bonds.blocks.memory() + growth.memory(),
+            Store::List(_, rows) => rows.memory(),
+            Store::Cloud(cloud) | Store::Moving(cloud, _) => {
+                let places = cloud.places.at.iter();
+                cloud.rows.memory() + places.map(|x| size_of_val(&**x)).sum::<usize>()
+            }
+        }
+    }
+}
+
+impl Stencil {
+    /// All bonds of a row: number in the row, bond, slot of the other end.
+    #[inline(always)]
+    pub(super) fn for_each_bond(
+        &self,
+        rows: &Rows,
+        row: usize,
+        mut receive: impl FnMut(usize, &Bond, usize),
+    ) {
+        for (number, at) in (rows.start[row]..rows.start[row + 1]).enumerate() {
+            let [weight, dual] = rows.weights(at);
+            let bond = Bond {
+                weight,
+                dual,
+                ..self.bonds[rows.step[at] as usize].bond
+            };
+            receive(number, &bond, rows.column[at] as usize);
+        }
+    }
+}
+
+impl CloudRows {
+    /// All bonds of the point in a slot: number in its row, bond, slot of the other end.
+    pub(super) fn for_each_bond(&self, slot: usize, mut receive: impl FnMut(usize, &Bond, usize)) {
+        let CloudRows { places, rows } = self;
+        // rows are in the order of slots
+        for (number, at) in (rows.start[slot]..rows.start[slot + 1]).enumerate() {
+            let other = rows.column[at] as usize;
+            receive(number, &places.bond(slot, other, rows.weights(at)), other);
+        }
+    }
+}
+
+impl StencilBonds {
+    /// All bonds of a point in a slot: number in the stencil, bond, slot of the other end.
+    pub(super) fn for_each_bond(
+        &self,
+        point: usize,
+        slot: usize,
+        mut receive: impl FnMut(usize, &Bond, usize),
+    ) {
+        let own = self.blocks.find(point as u32);
+        for (number, StencilBond { offset, bond }) in self.stencil.bonds.iter().enumerate() {
+            let other = slot.wrapping_add_signed(*offset);
+            let Some((block, lane)) = own else {
+                receive(number, bond, other);
+                continue;
+            };
+            let [weight, dual] = self.blocks.weights(block)[number].map(|lanes| lanes[lane]);
+            if weight != 0.0 || dual != 0.0 {
+                let bond = Bond {
+                    weight,
+                    dual,
+                    ..*bond
+                };
+                receive(number, &bond, other);
+            }
+        }
+    }
+}
+
+impl Rows {
+    /// Weights of a bond by its place among all bonds.
+    fn weights(&self, at: usize) -> [f64; 2] {
+        let weight = self.weight[at];
+        [weight, self.dual.get(at).copied().unwrap_or(weight)]
+    }
+
+    pub(super) fn new() -> Rows {
+        Rows {
+            start: vec![0],
+            ..Rows::default()
+        }
+    }
+
+    pub(super) fn push(
+        &mut self,
+        point: usize,
+        slot: u32,
+        bonds: impl Iterator<Item = (u16, u32, [f64; 2])>,
+    ) {
+        self.point.push(point as u32);
+        self.slot.push(slot);
+        for (step, column, [weight, dual]) in bonds {
+            self.step.push(step);
+            self.column.push(column);
+            self.weight.push(weight);
+            self.dual.push(dual);
+        }
+        self.start.push(self.column.len());
+    }
+
+    pub(super) fn memory(&self) -> usize {
+        size_of_val(&*self.column)
+            + size_of_val(&*self.step)
+            + size_of_val(&*self.weight)
+            + size_of_val(&*self.dual)
+            + self.point.len() * 16
+    }
+}
+
+impl SlotPlaces {
+    /// The bond between two slots with these weights.
+    fn bond(&self, slot: usize, other: usize, [weight, dual]: [f64; 2]) -> Bond {
+        let xi: [f64; 3] = std::array::from_fn(|a| self.at[a][other] - self.at[a][slot]);
+        let length = xi.iter().map(|x| x * x).sum::<f64>().sqrt();
+        Bond {
+            xi,
+            length,
+            inverse_length: 1.0 / length,
+            weight,
+            dual,
+        }
+    }
+}
