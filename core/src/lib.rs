@@ -27,6 +27,7 @@ pub mod in_time;
 pub mod input;
 pub mod log;
 pub mod material;
+mod neighbours;
 pub mod pair_list;
 pub mod pddo;
 pub mod plugin;

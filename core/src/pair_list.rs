@@ -5,13 +5,10 @@
 //! vanish beyond the reach: then results do not depend on when the list was made.
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use crate::cell_list::CellList;
+use crate::neighbours::{self, FoundAt, Reaching};
 use crate::world::{BodyIndex, World};
-
-/// Points that a thread takes at a time.
-const POINTS: usize = 4096;
 
 /// Width of the skin as a fraction of the reach.
 const SKIN: f64 = 0.2;
@@ -27,8 +24,7 @@ pub struct PairList {
     /// By point, now, m.
     position: Vec<Vector3<f64>>,
     cells: CellList,
-    /// Positions for which the list was made, m.
-    made_for: Vec<Vector3<f64>>,
+    found_at: FoundAt,
     start: Vec<u32>,
     other: Vec<u32>,
     version: u64,
@@ -52,7 +48,7 @@ impl PairList {
             first,
             position: vec![Vector3::zeros(); reach.len()],
             cells: CellList::default(),
-            made_for: Vec::new(),
+            found_at: FoundAt::default(),
             start: Vec::new(),
             other: Vec::new(),
             version: 0,
@@ -103,41 +99,34 @@ impl PairList {
             own.copy_from_slice(world.configuration(body).positions());
             rest = others;
         }
-        let moved = |((y, old), reach): ((&Vector3<f64>, &Vector3<f64>), &f64)| {
-            (y - old).norm_squared() > (0.5 * SKIN * reach).powi(2)
-        };
-        let points = self.position.par_iter().zip(&self.made_for);
-        let points = points.zip(&self.reach).with_min_len(POINTS);
-        if self.made_for.is_empty() || points.any(moved) {
+        let skin = |point: usize| SKIN * self.reach[point];
+        if self.found_at.is_outdated(&self.position, skin) {
             self.find();
         }
     }
 
     fn find(&mut self) {
         let reach: Vec<f64> = self.reach.iter().map(|r| (1.0 + SKIN) * r).collect();
-        self.cells.update(&self.position, &reach);
-        self.made_for.clear();
-        self.made_for.extend_from_slice(&self.position);
+        let points = Reaching {
+            positions: &self.position,
+            reach: &reach,
+        };
+        let (several, first) = (self.bodies.len() > 1, self.first);
+        let within = |i: usize, j: usize| {
+            let meets = match several {
+                true => (i < first) != (j < first),
+                false => i != j,
+            };
+            // the skin of either may be used up
+            meets.then(|| 0.5 * (reach[i] + reach[j]))
+        };
+        let rows = neighbours::find(&mut self.cells, points, points, within);
+        self.found_at.set(&self.position);
         self.start.clear();
         self.other.clear();
         self.start.push(0);
-        let several = self.bodies.len() > 1;
-        for (i, y) in self.position.iter().enumerate() {
-            let own = self.other.len();
-            let other = &mut self.other;
-            self.cells.visit_near(y, reach[i], |j| {
-                let meets = match several {
-                    true => (i < self.first) != (j < self.first),
-                    false => i != j,
-                };
-                // the skin of either may be used up
-                let within = 0.5 * (reach[i] + reach[j]);
-                if meets && (y - self.position[j]).norm_squared() < within * within {
-                    other.push(j as u32);
-                }
-            });
-            // in an order that does not depend on when the list was made
-            self.other[own..].sort_unstable();
+        for row in rows {
+            self.other.extend(row);
             self.start.push(self.other.len() as u32);
         }
         self.version += 1;

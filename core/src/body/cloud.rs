@@ -60,6 +60,14 @@ impl Cloud {
         }
     }
 
+    /// Some of the cells, between the same bounds.
+    pub(super) fn subset(&self, centre: Vec<Vector3<f64>>, spacing: &[f64]) -> Cloud {
+        Cloud {
+            bounds: self.bounds,
+            ..Cloud::new(centre, spacing, self.slack)
+        }
+    }
+
     pub(super) fn bounds(&self) -> Bounds {
         self.bounds
     }

@@ -11,6 +11,7 @@ mod horizon;
 mod interpolate;
 mod lattice;
 mod outline;
+mod part;
 mod table;
 mod zones;
 
@@ -21,6 +22,7 @@ pub use face::{Face, SurfaceCell};
 pub use horizon::{Horizon, HorizonError};
 pub use interpolate::weights_among;
 pub use lattice::{Lattice, NO_POINT};
+pub use part::Part;
 pub use table::{POINT_COLUMNS, PointTableError};
 pub use zones::{Zone, ZoneError};
 

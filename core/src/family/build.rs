@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use nalgebra::Vector3;
 
-use crate::body::{self, Body, Discretisation, Face, Lattice};
+use crate::body::{self, Body, Discretisation, Face, Lattice, Part};
 
 use super::blocks::{BLOCK, BlockBuilder};
 use super::lattice::{LatticeBonds, Member};
@@ -22,22 +22,66 @@ impl Family {
     /// # Errors
     /// [`FamilyError`] when the horizon reaches no neighbour or a point has none.
     pub fn build(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
-        if body.tank.is_some() {
+        let numbers: Vec<u32> = (0..body.points.len() as u32).collect();
+        Family::of_share(Share::whole(body, &numbers), spec)
+    }
+
+    /// Lays out the family of the points that a part of a body owns. Slots of remote points are filled by an exchange
+    /// ([`Family::remote`]).
+    ///
+    /// # Errors
+    /// See [`Family::build`]; also for corrections that need the whole body.
+    pub fn of_part(part: &Part, spec: &FamilySpec) -> Result<Family, FamilyError> {
+        let Part {
+            body,
+            owned,
+            numbers,
+        } = part;
+        let owned = *owned;
+        let mut family = Family::of_share(
+            Share {
+                body,
+                owned,
+                numbers,
+            },
+            spec,
+        )?;
+        family.forget_unreached();
+        Ok(family)
+    }
+
+    fn of_share(share: Share<'_>, spec: &FamilySpec) -> Result<Family, FamilyError> {
+        if share.body.tank.is_some() {
             return Err(FamilyError::Tank);
         }
-        match &body.discretisation {
-            Discretisation::Lattice(lattice) => Family::on_lattice(body, lattice, spec),
-            Discretisation::Cloud(_) => Family::on_cloud(body, spec),
+        match &share.body.discretisation {
+            Discretisation::Lattice(lattice) => Family::on_lattice(share, lattice, spec),
+            Discretisation::Cloud(_) => Family::on_cloud(share, spec),
         }
     }
 
+    /// Keeps those remote points only that bonds reach, directly or by an image.
+    fn forget_unreached(&mut self) {
+        let mut is_reached = vec![false; self.slots.len];
+        for point in 0..self.points {
+            self.for_each_bond(point, |_, _, slot| is_reached[slot] = true);
+        }
+        for ghost in self.slots.ghosts.iter().rev() {
+            is_reached[ghost.source as usize] |= is_reached[ghost.slot as usize];
+        }
+        self.slots
+            .remote
+            .retain(|(slot, _)| is_reached[*slot as usize]);
+    }
+
     fn on_lattice(
-        body: &Body,
+        share: Share<'_>,
         lattice: &Lattice,
         spec: &FamilySpec,
     ) -> Result<Family, FamilyError> {
+        let body = share.body;
         let horizon = spec.horizon.of(lattice.spacing);
-        let (bonds, grid) = LatticeBonds::new(body, lattice, spec)?;
+        let (bonds, grid) = LatticeBonds::new(share, lattice, spec)?;
         let cuts = cuts(body, spec);
         let severed = |point: usize, bond: &Bond| {
             let from = &body.points.position[point];
@@ -50,7 +94,9 @@ impl Family {
         let mut rows = Rows::new();
         let mut layer_rows = Rows::new();
         let mut blocks = BlockBuilder::new(bonds.steps.len());
-        let mut in_runs = vec![false; body.points.len()];
+        let mut remote = BlockBuilder::new(bonds.steps.len());
+        let owned = &bonds.slot_of_point[..share.owned];
+        let mut in_runs = vec![false; owned.len()];
         let mut number = 0;
         for (point, &slot) in bonds.slot_of_point.iter().enumerate() {
             let members = || {
@@ -62,6 +108,14 @@ impl Family {
             } else {
                 members().count()
             };
+            let own = || members().map(|m| (usize::from(m.step), bonds.weights(point, &m)));
+            let is_even = count == bonds.steps.len() && !bonds.is_uneven(point);
+            if point >= share.owned {
+                if !is_even {
+                    remote.push(point as u32, slot, own());
+                }
+                continue;
+            }
             if count == 0 {
                 return Err(FamilyError::NoNeighbours {
                     at: body.points.position[point].into(),
@@ -72,11 +126,10 @@ impl Family {
             let weighted = |m: Member<'_>| (m.step, m.slot as u32, bonds.weights(point, &m));
             if body.store == body::Store::List {
                 rows.push(point, slot, members().map(weighted));
-            } else if count < bonds.steps.len() || bonds.is_uneven(point) {
-                let own = members().map(|m| (usize::from(m.step), bonds.weights(point, &m)));
-                blocks.push(point as u32, slot, own);
-            } else {
+            } else if is_even {
                 in_runs[point] = true;
+            } else {
+                blocks.push(point as u32, slot, own());
             }
             if !spec.audited.is_empty() && members().any(|m| bonds.audited[m.slot]) {
                 let from_layer = members().filter(|m| bonds.audited[m.slot]);
@@ -90,21 +143,47 @@ impl Family {
             body::Store::Lattice => {
                 let bonds = StencilBonds {
                     stencil,
-                    runs: stretches(&bonds.slot_of_point, |p| in_runs[p]),
+                    runs: stretches(owned, |p| in_runs[p]),
                     blocks: blocks.finish(),
+                    remote: remote.finish(),
                 };
                 Store::Lattice(bonds, OnceLock::new())
             }
         };
         Ok(Family {
             spec: spec.clone(),
-            points: body.points.len(),
+            points: share.owned,
             bonds: number,
             chunks: chunks(&store),
-            slots: bonds.slots(body),
+            slots: bonds.slots(share),
             store,
             layer_rows,
         })
+    }
+}
+
+/// The points of a body whose bonds a family has.
+#[derive(Clone, Copy)]
+pub(super) struct Share<'a> {
+    pub(super) body: &'a Body,
+    /// Number of these points, which are the first of the body. Others are remote.
+    pub(super) owned: usize,
+    /// Number of each point in the order of bonds.
+    pub(super) numbers: &'a [u32],
+}
+
+impl<'a> Share<'a> {
+    /// All points; `numbers` count them.
+    pub(super) fn whole(body: &'a Body, numbers: &'a [u32]) -> Self {
+        Share {
+            body,
+            owned: numbers.len(),
+            numbers,
+        }
+    }
+
+    pub(super) fn is_whole(self) -> bool {
+        self.owned == self.body.points.len()
     }
 }
 

@@ -11,7 +11,7 @@ use crate::body::Body;
 use crate::cell_list::CellList;
 
 use super::balance::Balance;
-use super::build::{chunks, cuts};
+use super::build::{Share, chunks, cuts};
 use super::calibration::{Calibration, factor_along};
 use super::images::Images;
 use super::kernel::ROW_LANES;
@@ -46,12 +46,13 @@ struct CloudBonds<'a> {
 pub(super) type SlotBond = (u32, Bond);
 
 impl<'a> CloudBonds<'a> {
-    fn new(body: &'a Body, spec: &'a FamilySpec) -> Self {
+    fn new(share: Share<'a>, spec: &'a FamilySpec) -> Self {
+        let body = share.body;
         let horizon = body.points.horizons(spec.horizon);
         let coarsest = body.coarsest_spacing();
         let reach = |horizon: f64| spec.reach(horizon, coarsest);
         let widest = reach(horizon.iter().copied().fold(0.0, f64::max));
-        let images = Images::new(body, spec, widest);
+        let images = Images::new(share, spec, widest);
         let of_slot = |&p: &u32| reach(horizon[p as usize]);
         let reach: Vec<f64> = images.point.iter().map(of_slot).collect();
         CloudBonds {
@@ -117,7 +118,7 @@ impl<'a> CloudBonds<'a> {
                 members.push((slot as u32, bond));
             }
         });
-        members.sort_by_key(|(slot, _)| *slot);
+        members.sort_by_key(|(slot, _)| self.images.rank[*slot as usize]);
         members
     }
 
@@ -165,19 +166,27 @@ impl<'a> CloudBonds<'a> {
 }
 
 impl Family {
-    pub(super) fn on_cloud(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
-        let points = body.points.len();
-        let bonds = CloudBonds::new(body, spec);
+    pub(super) fn on_cloud(share: Share<'_>, spec: &FamilySpec) -> Result<Family, FamilyError> {
+        let (body, points) = (share.body, share.owned);
+        let bonds = CloudBonds::new(share, spec);
         bonds.check_horizon(body)?;
 
         // the factors of both ends of a bond are available only after all families
-        let factors: Vec<Result<[f64; 3], FamilyError>> = (0..points)
+        let factors: Vec<Result<[f64; 3], FamilyError>> = (0..body.points.len())
             .into_par_iter()
-            .map(|p| bonds.factors(body, p))
+            .map(|p| match bonds.factors(body, p) {
+                // at the edge of the part, where no bond reaches
+                Err(_) if p >= points => Ok([0.0; 3]),
+                factors => factors,
+            })
             .collect();
         let factors = factors.into_iter().collect::<Result<Vec<_>, _>>()?;
         let corrected = |p: usize| bonds.corrected(p, &factors);
         let balance = match spec.correction {
+            Correction::Balanced if !share.is_whole() => {
+                let reason = "parts of a body are not balanced alone".to_string();
+                return Err(FamilyError::NotBalanced { reason });
+            }
             Correction::Balanced => {
                 let whole = (0..points).into_par_iter().map(corrected).collect();
                 Some(Balance::new(body, spec, &bonds.images, whole)?)
@@ -225,7 +234,9 @@ impl Family {
         };
         let slots = PointSlots::Ascending(vec![all]);
         let mut family = Family::of_rows(body, spec, Store::Cloud(rows), slots);
-        family.layer_rows = layer_rows;
+        (family.points, family.layer_rows) = (points, layer_rows);
+        let remote = points as u32..body.points.len() as u32;
+        family.slots.remote = remote.map(|point| (point, point)).collect();
         family.take_images(images);
         Ok(family)
     }

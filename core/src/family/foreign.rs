@@ -20,6 +20,7 @@ use rayon::prelude::*;
 
 use crate::body::{Body, Face};
 use crate::cell_list::CellList;
+use crate::neighbours::{self, FoundAt, Reaching};
 
 use super::{Bond, FamilySpec};
 
@@ -66,8 +67,8 @@ pub struct ForeignBonds {
     /// Periodic axes and the positions of their faces, m.
     periods: Vec<(usize, [f64; 2])>,
     cells: CellList,
-    /// Positions at which the bonds were found, of own and foreign points, m.
-    found_at: [Vec<Vector3<f64>>; 2],
+    /// Where own and foreign points were when the bonds were found.
+    found_at: [FoundAt; 2],
     ghosts: Vec<ForeignGhost>,
     /// Own points that have foreign members, ascending.
     owners: Vec<u32>,
@@ -121,7 +122,7 @@ impl ForeignBonds {
             mirrors: faces.map(mirror).collect(),
             periods: periodic.map(|axis| (axis, ends(axis))).collect(),
             cells: CellList::default(),
-            found_at: [Vec::new(), Vec::new()],
+            found_at: Default::default(),
             ghosts: Vec::new(),
             owners: Vec::new(),
             owner_volume: Vec::new(),
@@ -136,14 +137,9 @@ impl ForeignBonds {
 
     /// Updates the bonds to the current positions of own and foreign points.
     pub fn follow(&mut self, own: Places<'_>, foreign: Places<'_>) {
-        let limit = (0.5 * SKIN * self.spacing).powi(2);
-        let has_moved = |now: &[Vector3<f64>], before: &[Vector3<f64>]| {
-            let pairs = now.par_iter().zip(before).with_min_len(4096);
-            now.len() != before.len() || pairs.any(|(x, y)| (x - y).norm_squared() > limit)
-        };
-        if has_moved(own.positions, &self.found_at[0])
-            || has_moved(foreign.positions, &self.found_at[1])
-        {
+        let now = [own.positions, foreign.positions];
+        let mut known = self.found_at.iter().zip(now);
+        if known.any(|(found_at, now)| found_at.is_outdated(now, |_| SKIN * self.spacing)) {
             self.find(own.positions, foreign.positions);
         }
         self.weigh(own, foreign);
@@ -196,18 +192,16 @@ impl ForeignBonds {
     fn find(&mut self, own: &[Vector3<f64>], foreign: &[Vector3<f64>]) {
         let (ghosts, places) = self.images(foreign);
         let reach = self.reach();
-        self.cells.update(&places, &vec![reach; places.len()]);
-        let near = |x: &Vector3<f64>| {
-            let mut row = Vec::new();
-            self.cells.visit_near(x, reach, |ghost| {
-                if (places[ghost] - x).norm_squared() <= reach * reach {
-                    row.push(ghost as u32);
-                }
-            });
-            row.sort_unstable();
-            row
+        let [own_reach, reaches] = [own.len(), places.len()].map(|n| vec![reach; n]);
+        let owners = Reaching {
+            positions: own,
+            reach: &own_reach,
         };
-        let rows: Vec<Vec<u32>> = own.par_iter().with_min_len(POINTS).map(near).collect();
+        let candidates = Reaching {
+            positions: &places,
+            reach: &reaches,
+        };
+        let rows = neighbours::find(&mut self.cells, owners, candidates, |_, _| Some(reach));
         for list in [&mut self.owners, &mut self.ghost, &mut self.owner] {
             list.clear();
         }
@@ -221,7 +215,8 @@ impl ForeignBonds {
             self.start.push(self.ghost.len());
         }
         self.ghosts = ghosts;
-        self.found_at = [own.to_vec(), foreign.to_vec()];
+        self.found_at[0].set(own);
+        self.found_at[1].set(foreign);
         self.find_reverse(foreign.len());
     }
 

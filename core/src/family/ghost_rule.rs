@@ -6,6 +6,7 @@
 //! | as boundaries prescribe | [`ByRules`], [`Curved`], [`WithTractions`] |
 //! | images that rise with the distance | [`Rising`] |
 //! | a value of each image, for any fields | [`ByImage`] |
+//! | sums that points get back from their images | [`Folded`] |
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -15,8 +16,20 @@ use crate::body::Face;
 use super::layer::{Continuation, Image, Jump, LayerRule, Traction};
 use super::{Family, SlotField, Stencil};
 
+/// In which direction a field crosses the border between points and ghosts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// Ghosts take values: first remote points those of their owners, then images those of the points that they mirror.
+    ValuesOut,
+    /// Points get sums: first those of their images, then owners those of remote points.
+    SumsBack,
+}
+
 /// How the values of ghosts follow from those of points.
 pub trait GhostRule {
+    /// The direction in which the field crosses the border.
+    const DIRECTION: Direction = Direction::ValuesOut;
+
     /// Fills the ghosts of fields whose points have their values. [`SlotField::load`] and [`SlotField::fill_ghosts`] call it.
     fn fill(self, family: &Family, fields: &mut [SlotField]);
 }
@@ -174,6 +187,37 @@ where
     }
 }
 
+/// Transpose of the linear part of [`ByRules`]: adds the values of ghosts to those of the points that they follow, and
+/// clears them.
+#[derive(Clone, Copy, Debug)]
+pub struct Folded<'a>(pub &'a [LayerRule], pub usize);
+
+impl GhostRule for Folded<'_> {
+    const DIRECTION: Direction = Direction::SumsBack;
+
+    fn fill(self, family: &Family, fields: &mut [SlotField]) {
+        let Folded(rules, component) = self;
+        let has_offset = rules.iter().any(|r| r.has_offset(component));
+        let corners = family.slots.corners.iter().filter(|_| has_offset);
+        for slots in fields {
+            for corner in corners.clone() {
+                if let Some(jump) = Jump::at(corner, rules, component) {
+                    let value = std::mem::take(&mut slots[corner.slot as usize]);
+                    slots[corner.source as usize] += jump.scale * value;
+                }
+            }
+            for (face, ghosts) in family.slots.layers().rev() {
+                let rule = rules.iter().find(|r| r.face == face);
+                let scale = rule.map_or(1.0, |r| r.scale[component]);
+                for ghost in ghosts.iter().rev() {
+                    let value = std::mem::take(&mut slots[ghost.slot as usize]);
+                    slots[ghost.source as usize] += scale * value;
+                }
+            }
+        }
+    }
+}
+
 /// Coordinate along an axis: that of the mirrored point; copies of periodic sides have their own.
 struct Coordinate(usize);
 
@@ -203,27 +247,6 @@ impl SlotField {
         self.set(slots.map(|slot| family.place(slot, axis)));
         self.fill_ghosts(family, Coordinate(axis));
     }
-
-    /// Transpose of the linear part of [`ByRules`]: adds the values of ghosts to those of the points that they follow, and
-    /// clears them.
-    pub fn fold_ghosts(&mut self, family: &Family, rules: &[LayerRule], component: usize) {
-        if rules.iter().any(|r| r.has_offset(component)) {
-            for corner in &family.slots.corners {
-                if let Some(jump) = Jump::at(corner, rules, component) {
-                    let value = std::mem::take(&mut self[corner.slot as usize]);
-                    self[family.slot_of(corner.point as usize)] += jump.scale * value;
-                }
-            }
-        }
-        for (face, ghosts) in family.slots.layers().rev() {
-            let rule = rules.iter().find(|r| r.face == face);
-            let scale = rule.map_or(1.0, |r| r.scale[component]);
-            for ghost in ghosts.iter().rev() {
-                let value = std::mem::take(&mut self[ghost.slot as usize]);
-                self[ghost.source as usize] += scale * value;
-            }
-        }
-    }
 }
 
 impl Family {
@@ -237,7 +260,7 @@ impl Family {
     fn fill_corners(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
         for corner in &self.slots.corners {
             if let Some(jump) = Jump::at(corner, rules, component) {
-                let image = slots[self.slot_of(corner.point as usize)];
+                let image = slots[corner.source as usize];
                 slots[corner.slot as usize] = jump.mean + jump.scale * (image - jump.mean);
             }
         }

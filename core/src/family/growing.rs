@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use crate::body::{self, Body, Discretisation};
 
 use super::blocks::{BLOCK, BlockHead, Blocks, Weights};
-use super::build::{chunks, stretches};
+use super::build::{Share, chunks, stretches};
 use super::lattice::{EMPTY, LatticeBonds, Member};
 use super::{Family, FamilyError, FamilySpec, Rows, Span, StencilBonds, Store};
 
@@ -132,7 +132,9 @@ impl Family {
         if !body.cuts.is_empty() {
             return Err(FamilyError::Growing("cuts"));
         }
-        let (bonds, grid) = LatticeBonds::new(body, lattice, spec)?;
+        let numbers: Vec<u32> = (0..body.points.len() as u32).collect();
+        let share = Share::whole(body, &numbers);
+        let (bonds, grid) = LatticeBonds::new(share, lattice, spec)?;
         let points = bonds.slot_of_point.len();
         let audited = |p: &u32| bonds.members(*p as usize).any(|m| bonds.audited[m.slot]);
         let beside_layers = match spec.audited.is_empty() {
@@ -164,12 +166,13 @@ impl Family {
             stencil: growth.bonds.stencil(grid),
             runs: Vec::new(),
             blocks: Blocks::of_stencil(growth.bonds.steps.len()),
+            remote: Blocks::default(),
         };
         let mut family = Family {
             spec: spec.clone(),
             points,
             bonds: number,
-            slots: growth.bonds.slots(body),
+            slots: growth.bonds.slots(share),
             layer_rows: Rows::default(),
             chunks: Vec::new(),
             store: Store::Growing(swept, Box::new(growth)),

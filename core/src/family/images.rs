@@ -7,8 +7,11 @@ use nalgebra::Vector3;
 
 use crate::body::{Body, Face};
 
-use super::build::continued_faces;
+use super::build::{Share, continued_faces};
 use super::{FamilySpec, Ghost};
+
+/// Rank of the first image.
+const BEHIND_POINTS: u32 = u32::MAX / 2;
 
 /// Slots of a cloud: its points, then their images in the order in which they must be filled.
 #[derive(Debug, Default)]
@@ -21,6 +24,8 @@ pub(super) struct Images {
     pub layers: Vec<(Face, Range<usize>)>,
     /// Whether a slot lies behind an audited face, also by way of another image.
     pub audited: Vec<bool>,
+    /// Place of each slot in the order of the bonds of a point: that of points in the whole body, then images.
+    pub rank: Vec<u32>,
 }
 
 /// One image of a coordinate: `n` counts the copies of the box from the original; odd ones are reversed
@@ -44,7 +49,8 @@ struct Image {
 impl Images {
     /// Images of all points within `reach` (m) of the box, mirrored repeatedly until edges,
     /// corners and bodies thinner than the reach are complete.
-    pub(super) fn new(body: &Body, spec: &FamilySpec, reach: f64) -> Images {
+    pub(super) fn new(share: Share<'_>, spec: &FamilySpec, reach: f64) -> Images {
+        let Share { body, numbers, .. } = share;
         let faces = continued_faces(body, spec);
         let positions = &body.points.position;
         let mut images = Vec::new();
@@ -69,12 +75,13 @@ impl Images {
         }
         // an image is filled from one with fewer reflections
         let level = |i: &Image| i.n.iter().map(|n| n.abs()).sum::<i32>();
-        images.sort_by_key(|i| (level(i), i.face, i.point, i.n));
+        images.sort_by_key(|i| (level(i), i.face, numbers[i.point as usize], i.n));
 
         let mut all = Images {
             position: positions.clone(),
             point: (0..positions.len() as u32).collect(),
             audited: vec![false; positions.len()],
+            rank: numbers.to_vec(),
             ..Images::default()
         };
         let mut slot_of: BTreeMap<(u32, [i32; 3]), u32> = BTreeMap::new();
@@ -118,6 +125,7 @@ impl Images {
             });
             all.position.push(image.position);
             all.point.push(image.point);
+            all.rank.push(BEHIND_POINTS + ghost as u32);
             let audited = spec.audited.contains(&face) || all.audited[source as usize];
             all.audited.push(audited);
         }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::body::{Body, Face, Lattice};
 
 use super::blocks::BLOCK;
-use super::build::{continued_faces, stretches};
+use super::build::{Share, continued_faces, stretches};
 use super::calibration::{Calibration, factor_along};
 use super::layer::SlotGrid;
 use super::{Bond, FamilyError, FamilySpec, Ghost, PointSlots, Slots, Stencil, StencilBond};
@@ -55,10 +55,11 @@ impl LatticeBonds {
     /// # Errors
     /// A horizon that reaches no neighbour, or too many.
     pub(super) fn new(
-        body: &Body,
+        share: Share<'_>,
         lattice: &Lattice,
         spec: &FamilySpec,
     ) -> Result<(LatticeBonds, SlotGrid), FamilyError> {
+        let body = share.body;
         let horizon = spec.horizon.of(lattice.spacing);
         let stencil = stencil(body, spec, horizon, lattice.spacing, body.points.volume[0]);
         if stencil.len() > usize::from(u16::MAX) {
@@ -73,7 +74,7 @@ impl LatticeBonds {
             });
         }
         let reach = stencil.iter().map(|(step, _)| step[0]).max().unwrap_or(0);
-        let padded = PaddedLattice::new(body, lattice, reach as usize);
+        let padded = PaddedLattice::new(share, lattice, reach);
         let slot_of = |cell: &[u32; 3]| {
             let slot = padded.slot(cell.map(i64::from));
             slot.expect("points lie inside the padded lattice") as u32
@@ -217,12 +218,14 @@ impl LatticeBonds {
     }
 
     /// The slots of points and ghosts.
-    pub(super) fn slots(&self, body: &Body) -> Slots {
+    pub(super) fn slots(&self, share: Share<'_>) -> Slots {
+        let (owned, remote) = self.slot_of_point.split_at(share.owned);
         let mut slots = Slots {
             // lanes of the last block that are no points reach a little beyond
             len: self.mirror_of.len() + BLOCK,
-            points: PointSlots::Ascending(stretches(&self.slot_of_point, |_| true)),
-            periodic: body.periodic,
+            points: PointSlots::Ascending(stretches(owned, |_| true)),
+            remote: remote.iter().copied().zip(share.owned as u32..).collect(),
+            periodic: share.body.periodic,
             ..Slots::default()
         };
         slots.set_ghosts(self.ghosts.clone(), self.layers.clone());
@@ -245,24 +248,34 @@ impl LatticeBonds {
     }
 }
 
-/// The lattice with a margin for the layers; slots are its cells, x fastest.
+/// The cells of a lattice around the points, with a margin for the layers; slots are its cells, x fastest.
 pub(super) struct PaddedLattice {
+    /// The lowest cell, in those of the lattice.
+    pub(super) first: [i64; 3],
     pub(super) cells: [usize; 3],
     /// Width of the margin along each axis, in cells.
-    pub(super) pad: [usize; 3],
+    pub(super) pad: [i64; 3],
 }
 
 impl PaddedLattice {
-    fn new(body: &Body, lattice: &Lattice, reach: usize) -> Self {
-        let pad = std::array::from_fn(|axis| if axis < body.dimension { reach } else { 0 });
-        PaddedLattice {
-            cells: std::array::from_fn(|a| lattice.cells[a] + 2 * pad[a]),
-            pad,
+    fn new(share: Share<'_>, lattice: &Lattice, reach: i64) -> Self {
+        let is_along = |axis: usize| axis < share.body.dimension;
+        let pad = std::array::from_fn(|axis| if is_along(axis) { reach } else { 0 });
+        let (mut first, mut cells) = ([0; 3], [0; 3]);
+        for axis in 0..3 {
+            let along = || lattice.cell_of_point.iter().map(|c| i64::from(c[axis]));
+            let (low, high) = match share.is_whole() {
+                true => (0, lattice.cells[axis] as i64 - 1),
+                false => (along().min().unwrap_or(0), along().max().unwrap_or(0)),
+            };
+            first[axis] = low - pad[axis];
+            cells[axis] = (high + pad[axis] - first[axis] + 1) as usize;
         }
+        PaddedLattice { first, cells, pad }
     }
 
     fn slot(&self, cell: [i64; 3]) -> Option<usize> {
-        let shifted: [i64; 3] = std::array::from_fn(|a| cell[a] + self.pad[a] as i64);
+        let shifted: [i64; 3] = std::array::from_fn(|a| cell[a] - self.first[a]);
         let inside = (0..3).all(|a| shifted[a] >= 0 && shifted[a] < self.cells[a] as i64);
         let [i, j, k] = shifted.map(|c| c as usize);
         inside.then(|| (k * self.cells[1] + j) * self.cells[0] + i)
@@ -271,7 +284,7 @@ impl PaddedLattice {
     fn cell(&self, slot: usize) -> [i64; 3] {
         let [nx, ny, _] = self.cells;
         let shifted = [slot % nx, slot / nx % ny, slot / (nx * ny)];
-        std::array::from_fn(|a| shifted[a] as i64 - self.pad[a] as i64)
+        std::array::from_fn(|a| shifted[a] as i64 + self.first[a])
     }
 
     fn len(&self) -> usize {
@@ -345,7 +358,7 @@ fn mirror(
         for &face in faces {
             let first = ghosts.len();
             let axis = face.axis();
-            for depth in 0..padded.pad[axis] as i64 {
+            for depth in 0..padded.pad[axis] {
                 // cells at `depth` behind the face mirror those at the same depth before it, or copy those
                 // before the opposite face
                 let size = lattice.cells[axis] as i64;
@@ -359,9 +372,9 @@ fn mirror(
                 for slot in 0..padded.len() / padded.cells[axis] {
                     let mut cell = plane_cell(padded, axis, slot);
                     cell[axis] = outer;
-                    let target = padded.slot(cell).expect("the margin holds the layer");
+                    let target = padded.slot(cell);
                     cell[axis] = inner;
-                    let Some(source) = padded.slot(cell) else {
+                    let Some((target, source)) = target.zip(padded.slot(cell)) else {
                         continue;
                     };
                     if mirror_of[target] == EMPTY && mirror_of[source] != EMPTY {
@@ -410,6 +423,7 @@ mod tests {
     #[test]
     fn slots_and_cells_of_a_padded_lattice_belong_together() {
         let padded = PaddedLattice {
+            first: [-2, -1, 0],
             cells: [7, 5, 4],
             pad: [2, 1, 0],
         };

@@ -207,7 +207,11 @@ impl Image {
 #[derive(Debug)]
 pub(super) struct SlotGrid {
     cells: [usize; 3],
-    /// Lower corner of the slots, m.
+    /// The lowest slot, in those of the whole body.
+    first: [usize; 3],
+    /// Slots of the whole body along each axis.
+    whole: [usize; 3],
+    /// Lower corner of the slots of the whole body, m.
     origin: Vector3<f64>,
     pub(super) spacing: f64,
     dimension: usize,
@@ -239,6 +243,8 @@ impl SlotGrid {
         }
         SlotGrid {
             cells: padded.cells,
+            first: std::array::from_fn(|a| (padded.first[a] + padded.pad[a]) as usize),
+            whole: std::array::from_fn(|a| lattice.cells[a] + 2 * padded.pad[a] as usize),
             origin: lattice.origin - margin,
             spacing: lattice.spacing,
             dimension,
@@ -251,6 +257,11 @@ impl SlotGrid {
         self.cells
     }
 
+    /// The lowest slot in those of the whole body, and the number of these, along each axis.
+    pub(super) fn in_whole(&self) -> [[usize; 3]; 2] {
+        [self.first, self.whole]
+    }
+
     pub(super) fn stride(&self, axis: usize) -> usize {
         self.cells[..axis].iter().product()
     }
@@ -261,7 +272,8 @@ impl SlotGrid {
 
     /// Centre of a slot along an axis, m.
     pub(super) fn position(&self, slot: usize, axis: usize) -> f64 {
-        self.origin[axis] + (self.cell(slot, axis) as f64 + 0.5) * self.spacing
+        let cell = self.cell(slot, axis) + self.first[axis];
+        self.origin[axis] + (cell as f64 + 0.5) * self.spacing
     }
 
     /// Derivatives of a field along all axes but `normal`, central where there are `usable` neighbours

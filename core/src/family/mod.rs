@@ -38,6 +38,8 @@ mod lattice;
 mod layer;
 mod moving;
 mod operator;
+#[cfg(test)]
+mod part_tests;
 mod slot_field;
 mod slots;
 mod spec;
@@ -45,7 +47,9 @@ mod store;
 
 pub use broken::BrokenBonds;
 pub use foreign::{ForeignBonds, ForeignGhost, Places};
-pub use ghost_rule::{ByImage, ByRules, Curved, GhostRule, Mirrored, Rising, WithTractions};
+pub use ghost_rule::{
+    ByImage, ByRules, Curved, Direction, Folded, GhostRule, Mirrored, Rising, WithTractions,
+};
 pub use influence::Influence;
 pub use kernel::{AxisPlane, Bond, BondKernel, InstructionSet, limit_instructions};
 pub use layer::{Continuation, Image, LayerRule, Layout, Traction};
@@ -54,7 +58,7 @@ pub use slot_field::{PointValues, SlotField};
 pub use spec::{Correction, FamilyError, FamilySpec, PartialVolume};
 
 pub(crate) use gaps::warnings;
-pub(crate) use moving::{needs_rebuild, skin};
+pub(crate) use moving::skin;
 
 use std::ops::Range;
 
@@ -109,6 +113,12 @@ impl Family {
     /// Length of a slot array.
     pub fn slots(&self) -> usize {
         self.slots.len
+    }
+
+    /// Slots of the points of other parts of the body that bonds reach, each with the number of its point in the part
+    /// ([`Part::numbers`](crate::body::Part::numbers)). An exchange fills them before images are ([`Direction`]).
+    pub fn remote(&self) -> &[(u32, u32)] {
+        &self.slots.remote
     }
 
     /// Fraction of the points that are swept with the shared stencil.

@@ -11,7 +11,9 @@ use rayon::prelude::*;
 
 use crate::body::{Body, spatial_order};
 use crate::cell_list::CellList;
+use crate::neighbours::{self, Reaching};
 
+use super::build::Share;
 use super::images::Images;
 use super::kernel::{ROW_LANES, RowOwner, Weighing};
 use super::{
@@ -27,18 +29,6 @@ const ROWS_PER_TASK: usize = 512;
 /// Width of the skin of families of a body, m.
 pub(crate) fn skin(body: &Body) -> f64 {
     SKIN * body.finest_spacing()
-}
-
-/// Whether a point has moved so far from `found_at` (m) that the rows must be rebuilt for its current position (m).
-pub(crate) fn needs_rebuild(
-    found_at: &[Vector3<f64>],
-    positions: &[Vector3<f64>],
-    skin: f64,
-) -> bool {
-    let moved = positions.par_iter().zip(found_at);
-    let moved = moved.map(|(x, before)| (x - before).norm_squared());
-    let farthest = moved.reduce(|| 0.0, f64::max);
-    4.0 * farthest > skin * skin
 }
 
 /// Refuses what a family of moving points does not support.
@@ -80,8 +70,6 @@ pub(super) struct Following {
     /// By slot, m.
     horizon: Vec<f64>,
     skin: f64,
-    /// Positions of the points at which the rows were found, m.
-    found_at: Vec<Vector3<f64>>,
     list: CellList,
     /// Moment of a family of horizon 1 m; it grows as a power of the horizon.
     unit_moment: f64,
@@ -92,8 +80,7 @@ pub(super) struct Following {
 }
 
 impl Family {
-    /// A family of the points of `body`, found by position whatever the store of the body, that can
-    /// [`follow`](Family::follow) them.
+    /// A family of the points of `body`, found by position whatever the store of the body, that can follow them.
     ///
     /// # Errors
     /// See [`Family::build`]; also for cuts, corrections and different horizons, which families of moving points do not
@@ -106,7 +93,6 @@ impl Family {
             spacing_of_point: spacings.clone(),
             horizon: spacings.iter().map(|s| spec.horizon.of(*s)).collect(),
             skin: skin(body),
-            found_at: Vec::new(),
             list: CellList::default(),
             unit_moment: spec.moment(body, 1.0),
             volume: Vec::new(),
@@ -120,31 +106,11 @@ impl Family {
         Ok(family)
     }
 
-    fn following(&mut self) -> &mut Following {
-        match &mut self.store {
-            Store::Moving(_, following) => following,
-            _ => panic!("the family does not move"),
-        }
-    }
-
-    /// Updates the family to current positions (m) and volumes (m³): [`Family::rebuild_rows`] where a
-    /// point has moved by half the skin, then [`Family::update_weights`].
-    ///
-    /// # Panics
-    /// When the family does not move, or for another number of points.
-    pub fn follow(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) {
-        let following = self.following();
-        if needs_rebuild(&following.found_at, positions, following.skin) {
-            self.rebuild_rows(positions);
-        }
-        self.update_weights(positions, volumes);
-    }
-
     /// Moves points and their images to these positions (m) and computes the weights of all bonds, for these volumes
     /// (m³). No point may be farther than half the skin from where the rows were found.
     ///
     /// # Panics
-    /// See [`Family::follow`].
+    /// For another number of points.
     pub fn update_weights(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) {
         if let Store::Moving(cloud, following) = &mut self.store {
             let points = &mut following.body.points.position;
@@ -158,7 +124,7 @@ impl Family {
     /// that [`Family::slots`] changes. The weights are valid only after [`Family::update_weights`].
     ///
     /// # Panics
-    /// See [`Family::follow`].
+    /// When the family does not move, or for another number of points.
     pub fn rebuild_rows(&mut self, positions: &[Vector3<f64>]) {
         let Store::Moving(cloud, following) = &mut self.store else {
             panic!("the family does not move");
@@ -226,12 +192,9 @@ impl Following {
             spacing_of_point,
             horizon,
             skin,
-            found_at,
             list,
             ..
         } = self;
-        found_at.clear();
-        found_at.extend_from_slice(positions);
         points.arrange(positions, &mut body.points.position);
         points.arrange(spacing_of_point, &mut body.points.spacing);
         let spacings = horizon.iter_mut().zip(&body.points.spacing);
@@ -240,21 +203,19 @@ impl Following {
         let reach = horizon.iter().map(|h| spec.reach(*h, coarsest) + *skin);
         let reach: Vec<f64> = reach.collect();
         let widest = reach.iter().copied().fold(0.0, f64::max);
-        let images = Images::new(body, spec, widest);
+        let numbers: Vec<u32> = (0..body.points.len() as u32).collect();
+        let images = Images::new(Share::whole(body, &numbers), spec, widest);
         let reaches: Vec<f64> = images.point.iter().map(|&p| reach[p as usize]).collect();
-        list.update(&images.position, &reaches);
-        let near = |point: usize| {
-            let (here, reach) = (images.position[point], reach[point]);
-            let mut row = Vec::with_capacity(64);
-            list.visit_near(&here, reach, |slot| {
-                if slot != point && (images.position[slot] - here).norm_squared() <= reach * reach {
-                    row.push(slot as u32);
-                }
-            });
-            row.sort_unstable();
-            row
+        let owners = Reaching {
+            positions: &body.points.position,
+            reach: &reach,
         };
-        let near: Vec<Vec<u32>> = (0..reach.len()).into_par_iter().map(near).collect();
+        let candidates = Reaching {
+            positions: &images.position,
+            reach: &reaches,
+        };
+        let within = |point: usize, slot: usize| (slot != point).then_some(reach[point]);
+        let near = neighbours::find(list, owners, candidates, within);
         let Rows {
             slot,
             start,
@@ -390,12 +351,15 @@ mod tests {
         };
         let sums = |body: &Body| {
             let mut family = Family::moving(body, &spec).expect("valid");
-            // near enough to keep the rows, then far enough for new ones
+            // with the old rows, then with new ones
             let mut all = Vec::new();
-            for way in [0.01, 0.2] {
+            for (way, is_near) in [(0.01, true), (0.2, false)] {
                 let moved = body.points.position.iter();
                 let moved: Vec<_> = moved.map(|x| x + Vector3::x() * way * x.y).collect();
-                family.follow(&moved, &body.points.volume);
+                if !is_near {
+                    family.rebuild_rows(&moved);
+                }
+                family.update_weights(&moved, &body.points.volume);
                 let values: Vec<f64> = moved.iter().map(|x| (x.x * x.y).exp() + x.z).collect();
                 let mut slots = SlotField::default();
                 slots.load(&family, &values[..], Mirrored::Scalar);
@@ -447,7 +411,7 @@ mod tests {
         let mut positions = body.points.position.clone();
         // only its second periodic copy lies near the box
         positions[0].x = 2.5 * 0.8;
-        family.follow(&positions, &body.points.volume);
+        family.rebuild_rows(&positions);
         assert!(family.slots() > body.points.len());
     }
 

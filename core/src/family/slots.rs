@@ -15,10 +15,13 @@ pub(super) struct Slots {
     /// Length of an array by slot.
     pub(super) len: usize,
     pub(super) points: PointSlots,
+    /// Slots and numbers of points of other parts of the body.
+    pub(super) remote: Vec<(u32, u32)>,
+    /// Images of points.
     pub(super) ghosts: Vec<Ghost>,
     /// Faces and their ghosts, in the order in which they are filled.
     pub(super) layers: Vec<(Face, Range<usize>)>,
-    /// Layer points that faces of several axes mirrored.
+    /// Layer points that faces of several axes mirrored; their source is the slot of the point.
     pub(super) corners: Vec<Ghost>,
     /// Axes along which layers are copies.
     pub(super) periodic: [bool; 3],
@@ -148,7 +151,16 @@ impl Slots {
 
     /// Lays out the ghosts.
     pub(super) fn set_ghosts(&mut self, ghosts: Vec<Ghost>, layers: Vec<(Face, Range<usize>)>) {
-        self.corners = ghosts.iter().copied().filter(Ghost::is_corner).collect();
+        let from_point = |ghost: &Ghost| {
+            let mut first = ghost;
+            while let Some(parent) = first.parent {
+                first = &ghosts[parent as usize];
+            }
+            let source = first.source;
+            Ghost { source, ..*ghost }
+        };
+        let corners = ghosts.iter().filter(|g| g.is_corner());
+        self.corners = corners.map(from_point).collect();
         (self.ghosts, self.layers) = (ghosts, layers);
     }
 

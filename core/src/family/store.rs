@@ -14,7 +14,7 @@ use super::slots::Span;
 #[derive(Debug)]
 pub(super) enum Store {
     /// Points of a lattice, in runs and blocks. The pairs are built by the first kernel with paired sums.
-    Lattice(StencilBonds, OnceLock<Option<Pairs>>),
+    Lattice(StencilBonds, OnceLock<Option<Box<Pairs>>>),
     /// Points of a lattice that become present and absent.
     Growing(StencilBonds, Box<GrowingBonds>),
     /// A row for each point of a lattice.
@@ -45,6 +45,8 @@ pub(super) struct StencilBonds {
     /// Points whose families are complete and equal.
     pub(super) runs: Vec<Span>,
     pub(super) blocks: Blocks,
+    /// Remote points whose bonds differ from those of the stencil.
+    pub(super) remote: Blocks,
 }
 
 /// Compressed rows of bonds.
@@ -109,7 +111,7 @@ impl Store {
         match self {
             Store::Lattice(bonds, pairs) => {
                 let pairs = pairs.get().and_then(Option::as_ref);
-                bonds.blocks.memory() + pairs.map_or(0, Pairs::memory)
+                bonds.blocks.memory() + pairs.map_or(0, |p| p.memory())
             }
             Store::Growing(bonds, growth) => bonds.blocks.memory() + growth.memory(),
             Store::List(_, rows) => rows.memory(),
@@ -165,11 +167,11 @@ impl StencilBonds {
         let own = self.blocks.find(point as u32);
         for (number, StencilBond { offset, bond }) in self.stencil.bonds.iter().enumerate() {
             let other = slot.wrapping_add_signed(*offset);
-            let Some((block, lane)) = own else {
+            let Some(place) = own else {
                 receive(number, bond, other);
                 continue;
             };
-            let [weight, dual] = self.blocks.weights(block)[number].map(|lanes| lanes[lane]);
+            let [weight, dual] = self.blocks.weights_of(place, number);
             if weight != 0.0 || dual != 0.0 {
                 let bond = Bond {
                     weight,
@@ -178,6 +180,15 @@ impl StencilBonds {
                 };
                 receive(number, &bond, other);
             }
+        }
+    }
+
+    /// The weights of a bond of a remote point, by its number in the stencil.
+    pub(super) fn weights_of_remote(&self, point: u32, number: usize) -> [f64; 2] {
+        let Bond { weight, dual, .. } = self.stencil.bonds[number].bond;
+        match self.remote.find(point) {
+            Some(place) => self.remote.weights_of(place, number),
+            None => [weight, dual],
         }
     }
 }

@@ -211,19 +211,6 @@ impl Pddo {
         })
     }
 
-    /// Updates the operator to the current positions (m) and volumes (m³) of the points of a moving family.
-    ///
-    /// # Errors
-    /// See [`Pddo::build`].
-    ///
-    /// # Panics
-    /// When the family does not move or is shared.
-    pub fn follow(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) -> Result<(), PddoError> {
-        let family = Arc::get_mut(&mut self.family).expect("a moving family has one owner");
-        family.follow(positions, volumes);
-        self.invert(positions)
-    }
-
     /// Computes the operator on another family of these points, which lie at `positions` (m) now. The previous family is
     /// released before `family` is called, so that its owner can update it in place.
     ///

@@ -8,7 +8,8 @@ use nalgebra::Vector3;
 use super::configuration::Configuration;
 use super::{BodyIndex, World};
 use crate::body::Body;
-use crate::family::{Family, FamilyError, FamilySpec, needs_rebuild, skin};
+use crate::family::{Family, FamilyError, FamilySpec, skin};
+use crate::neighbours::FoundAt;
 
 /// A family of a body, owned by the [`World`]: [`World::family`] gives it as it is at the time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,8 +43,8 @@ enum Store {
 #[derive(Debug)]
 struct MovingState {
     family: Arc<Family>,
-    /// Positions at which the rows are to be found, m.
-    found_at: Vec<Vector3<f64>>,
+    /// Where the rows are to be found.
+    found_at: FoundAt,
     /// Whether the family has other rows.
     has_old_rows: bool,
     /// Version of the configuration for which the family was last placed.
@@ -66,7 +67,7 @@ impl MovingState {
         }
         let family = Arc::get_mut(&mut self.family).expect("nobody else has it");
         if self.has_old_rows {
-            family.rebuild_rows(&self.found_at);
+            family.rebuild_rows(self.found_at.positions());
             self.has_old_rows = false;
         }
         family.update_weights(now.positions(), now.volumes());
@@ -93,11 +94,13 @@ impl World {
                 seen: self.activity_version(body).unwrap_or(0),
             }))
         } else if self.moves_freely(body) {
+            let mut found_at = FoundAt::default();
+            found_at.set(&this.points.position);
             Store::Moving {
                 skin: skin(this),
                 state: RefCell::new(MovingState {
                     family: Arc::new(Family::moving(this, spec)?),
-                    found_at: this.points.position.clone(),
+                    found_at,
                     has_old_rows: false,
                     placed_for: 0,
                 }),
@@ -180,8 +183,8 @@ impl World {
                 continue;
             };
             let state = &mut *state.borrow_mut();
-            if needs_rebuild(&state.found_at, positions, *skin) {
-                state.found_at.copy_from_slice(positions);
+            if state.found_at.is_outdated(positions, |_| *skin) {
+                state.found_at.set(positions);
                 state.has_old_rows = true;
             }
         }
@@ -198,7 +201,9 @@ impl World {
     /// depends on them.
     pub(crate) fn rows_found_at(&self) -> Vec<Vec<Vector3<f64>>> {
         let states = self.moving_states();
-        states.map(|s| s.borrow().found_at.clone()).collect()
+        states
+            .map(|s| s.borrow().found_at.positions().to_vec())
+            .collect()
     }
 
     /// Restores what [`World::rows_found_at`] gave; whether it fits the families.
@@ -208,10 +213,10 @@ impl World {
         }
         for (state, found_at) in self.moving_states().zip(found_at) {
             let mut state = state.borrow_mut();
-            if state.found_at.len() != found_at.len() {
+            if state.found_at.positions().len() != found_at.len() {
                 return false;
             }
-            state.found_at = found_at;
+            state.found_at.set(&found_at);
             (state.has_old_rows, state.placed_for) = (true, 0);
         }
         true

@@ -20,7 +20,7 @@
 //! In a component in which a layer is constant while it is not in others, layer points keep the part of their states
 //! that depends on that component alone.
 
-use perimelt_core::family::{Continuation, Image, Layout};
+use perimelt_core::family::{Continuation, Folded, Image, Layout};
 use perimelt_core::{Bond, BondKernel, BrokenBonds, Family, SlotField};
 use rayon::prelude::*;
 
@@ -256,7 +256,7 @@ impl LayerForces {
                 };
                 reaction[ghost.slot] = ghost.bonds.iter().map(on_ghost).sum();
             }
-            reaction.fold_ghosts(family, continuation.rules(), axis);
+            reaction.fill_ghosts(family, Folded(continuation.rules(), axis));
             for (point, slot) in &self.followed {
                 let force = std::mem::take(&mut reaction[*slot]);
                 out[3 * point + axis] += force / volume[*point];

@@ -166,7 +166,8 @@ impl Family {
     /// [`Family::sum`] over the bonds that are not broken.
     ///
     /// # Panics
-    /// See [`Family::sum`]; also when `broken` belongs to another family.
+    /// See [`Family::sum`]; also when `broken` belongs to another family, and where `kernel` has paired sums over the family of
+    /// a part.
     pub fn sum_unbroken<const I: usize, const O: usize, K: BondKernel<I, O>>(
         &self,
         kernel: &K,
@@ -208,8 +209,13 @@ impl Family {
         if const { K::PAIRED > 0 }
             && instructions::can_fuse()
             && let Store::Lattice(_, pairs) = &self.store
-            && let Some(pairs) = pairs.get_or_init(|| Pairs::new(self))
+            && let Some(pairs) = pairs.get_or_init(|| Pairs::new(self).map(Box::new))
         {
+            let is_part = !self.slots.remote.is_empty();
+            assert!(
+                broken.is_none() || !is_part,
+                "broken bonds of remote points are unknown"
+            );
             return self.sum_pairs(kernel, pairs, inputs, &output);
         }
         for_each(&self.chunks, &|chunk| {

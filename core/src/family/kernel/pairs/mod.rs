@@ -16,7 +16,7 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 use crate::family::blocks::{BLOCK, BlockBuilder, Blocks};
-use crate::family::{Family, StencilBond, Store};
+use crate::family::{Family, StencilBond, StencilBonds, Store};
 
 /// Rows of a box, about: with more of them fewer inputs are read twice, with fewer more threads are busy.
 const ROWS: usize = 12;
@@ -65,6 +65,8 @@ struct HalfStencil {
 /// one after these. The row after the last one of a plane is the first of the next plane, so that the number across is even.
 struct RowBoxes {
     cells: [usize; 3],
+    /// The lowest slot along each axis, in those of the whole body, and the number of these.
+    in_whole: [[usize; 3]; 2],
     /// How many rows of a plane lattice, or planes of others, a bond reaches.
     reach: usize,
     /// Boxes across a plane of a lattice of several planes.
@@ -72,18 +74,20 @@ struct RowBoxes {
 }
 
 impl RowBoxes {
-    /// Boxes of a lattice with so many `cells`; `farthest` is the largest offset of a bond in slots.
-    fn new(cells: [usize; 3], farthest: usize) -> Self {
-        let reach = match cells[2] {
+    /// Boxes of slots of a lattice; `farthest` is the largest offset of a bond in slots. Boxes are those of the whole body.
+    fn new(cells: [usize; 3], in_whole: [[usize; 3]; 2], farthest: usize) -> Self {
+        let [_, whole] = in_whole;
+        let reach = match whole[2] {
             1 => (farthest + cells[0] / 2) / cells[0],
             _ => (farthest / cells[0] + cells[1] / 2) / cells[1],
         };
-        let across = match cells[1] / ROWS.max(2 * reach + 1) {
+        let across = match whole[1] / ROWS.max(2 * reach + 1) {
             0 | 1 => 1,
             boxes => boxes / 2 * 2,
         };
         RowBoxes {
             cells,
+            in_whole,
             reach,
             across,
         }
@@ -91,11 +95,15 @@ impl RowBoxes {
 
     /// The box of a slot, by its place along y and z.
     fn place_of(&self, slot: usize) -> [usize; 2] {
+        let [first, whole] = self.in_whole;
         let row = slot / self.cells[0];
-        let (y, z) = (row % self.cells[1], row / self.cells[1]);
-        match self.cells[2] {
+        let (y, z) = (
+            row % self.cells[1] + first[1],
+            row / self.cells[1] + first[2],
+        );
+        match whole[2] {
             1 => [y / (self.reach + 1), 0],
-            _ => [y * self.across / self.cells[1], z / (self.reach + 1)],
+            _ => [y * self.across / whole[1], z / (self.reach + 1)],
         }
     }
 }
@@ -109,22 +117,37 @@ struct BoxedPoint {
     point: u32,
 }
 
-/// The points of all boxes.
+/// The points of all boxes, remote ones included.
 fn boxed_points(family: &Family, boxes: &RowBoxes) -> Vec<BoxedPoint> {
-    let mut points = Vec::with_capacity(family.points);
-    for span in family.slots.points.spans() {
-        for (slot, point) in (span.slot..).zip(span.point..span.point + span.len) {
-            let place = boxes.place_of(slot as usize);
-            points.push(BoxedPoint {
-                colour: place[0] % 2 + 2 * (place[1] % 2),
-                place,
-                slot,
-                point,
-            });
+    let spans = family.slots.points.spans().iter();
+    let owned = spans.flat_map(|s| (s.slot..).zip(s.point..s.point + s.len));
+    let remote = family.slots.remote.iter().copied();
+    let boxed = |(slot, point): (u32, u32)| {
+        let place = boxes.place_of(slot as usize);
+        BoxedPoint {
+            colour: place[0] % 2 + 2 * (place[1] % 2),
+            place,
+            slot,
+            point,
         }
-    }
+    };
+    let mut points: Vec<BoxedPoint> = owned.chain(remote).map(boxed).collect();
     points.sort_unstable();
     points
+}
+
+/// Bonds ahead of a remote point with points of the family: number in the stencil, weights.
+fn ahead_of_remote<'a>(
+    family: &'a Family,
+    bonds: &'a StencilBonds,
+    (slot, point): (u32, u32),
+) -> impl Iterator<Item = (usize, [f64; 2])> + 'a {
+    let stencil = bonds.stencil.bonds.iter().enumerate();
+    let ahead = stencil.skip(bonds.stencil.bonds.len() / 2);
+    let is_owned =
+        move |offset: isize| family.point_in((slot as usize).wrapping_add_signed(offset));
+    let ahead = ahead.filter(move |(_, bond)| is_owned(bond.offset).is_some());
+    ahead.map(move |(number, _)| (number, bonds.weights_of_remote(point, number)))
 }
 
 /// Numbers of the bonds ahead, ordered by x, so that consecutive bonds lead to different rows. A load of sums that the
@@ -160,19 +183,28 @@ impl Pairs {
         let mut blocks_ahead = BlockBuilder::new(half);
         let mut blocks_behind = BlockBuilder::new(half);
         let mut boxes: [Vec<BoxBlocks>; 4] = Default::default();
-        let rows = RowBoxes::new(cells, ahead[half - 1].offset as usize);
+        for &(slot, _) in &family.slots.remote {
+            holds_point[slot as usize] = true;
+        }
+        let farthest = ahead[half - 1].offset as usize;
+        let rows = RowBoxes::new(cells, bonds.stencil.grid.in_whole(), farthest);
         for of_box in boxed_points(family, &rows).chunk_by(|a, b| a.place == b.place) {
             let first = [blocks_ahead.len(), blocks_behind.len()];
             for &BoxedPoint { slot, point, .. } in of_box {
                 let (mut back, mut forth) = (Vec::new(), Vec::new());
-                family.for_each_bond(point as usize, |number, bond, other| {
-                    let weights = [bond.weight, bond.dual];
-                    if number >= half {
-                        forth.push((rank[number - half], weights));
-                    } else if !holds_point[other] {
-                        back.push((number, weights));
-                    }
-                });
+                if point as usize >= family.points {
+                    let ahead = ahead_of_remote(family, bonds, (slot, point));
+                    forth.extend(ahead.map(|(n, weights)| (rank[n - half], weights)));
+                } else {
+                    family.for_each_bond(point as usize, |number, bond, other| {
+                        let weights = [bond.weight, bond.dual];
+                        if number >= half {
+                            forth.push((rank[number - half], weights));
+                        } else if !holds_point[other] {
+                            back.push((number, weights));
+                        }
+                    });
+                }
                 if !back.is_empty() {
                     blocks_behind.push(point, slot, back.into_iter());
                 }

@@ -52,12 +52,12 @@ impl Family {
         for_each(&parts, &|heads| {
             for head in *heads {
                 for lane in 0..head.len as usize {
-                    let slot = head.slot as usize + lane;
-                    // SAFETY: every point is in one block, whose sums one thread takes after the sweep of all boxes, and
-                    // `output` has sums for each point of the family.
-                    unsafe {
-                        let sum = std::array::from_fn(|o| sweep.planes.take(o, slot));
-                        output.set(head.point as usize + lane, sum);
+                    let (slot, point) = (head.slot as usize + lane, head.point as usize + lane);
+                    // SAFETY: every point is in one block, whose sums one thread takes after the sweep of all boxes.
+                    let sum = std::array::from_fn(|o| unsafe { sweep.planes.take(o, slot) });
+                    if point < self.points {
+                        // SAFETY: `output` has sums for each point of the family, and one thread sets them.
+                        unsafe { output.set(point, sum) }
                     }
                 }
             }

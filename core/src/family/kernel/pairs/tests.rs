@@ -157,7 +157,7 @@ fn bonds_do_not_reach_beyond_the_next_box() {
         for reach in 1..4 {
             // the last bond of a horizon is that along the last axis, or one with ends that do not lie above each other
             for offset in [reach * stride(axis), reach * stride(axis) + 2] {
-                let boxes = RowBoxes::new(cells, offset);
+                let boxes = RowBoxes::new(cells, [[0; 3], cells], offset);
                 assert_eq!(boxes.reach, reach, "{cells:?}, {offset}");
                 assert!(boxes.across == 1 || boxes.across.is_multiple_of(2));
                 for slot in 0..stride(axis) * (cells[axis] - reach) {
