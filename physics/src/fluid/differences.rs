@@ -21,14 +21,13 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use perimelt_core::family::{Mirrored, Rising};
-use perimelt_core::{Derivatives, Family, Pddo, PddoError, SlotField};
+use perimelt_core::{Body, Derivatives, Family, Pddo, PddoError, SetupError, SlotField};
 use rayon::prelude::*;
 
-use crate::advection::Flux;
-
-use super::convection::{CarriedFlow, largest_rate_at_walls};
+use super::eulerian::CarriedFlow;
+use super::kinds::DifferencesKeys;
 use super::medium::{Coefficient, Medium};
-use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
+use super::rates::{POINTS_PER_TASK, Stability, Terms};
 
 /// A field in slot space, and some of its derivatives.
 #[derive(Debug, Default)]
@@ -71,12 +70,7 @@ struct Along {
 }
 
 impl DensityDiffusion {
-    fn find(
-        &mut self,
-        (pddo, work): (&Pddo, &mut Derivatives),
-        density: &[f64],
-        terms: &Terms<'_>,
-    ) {
+    fn find(&mut self, pddo: &Pddo, work: &mut Derivatives, density: &[f64], terms: &Terms<'_>) {
         let family = pddo.family();
         self.reduced.load(family, density, Mirrored::Scalar);
         let mut loaded = [false; 3];
@@ -123,156 +117,58 @@ fn row(rows: &[f64], width: usize, point: usize) -> &[f64] {
     &rows[point * width..][..width]
 }
 
-/// Fields of the flow with their derivatives.
+/// Fields of the flow with their derivatives: what points that carry their mass and points through which the fluid flows have in
+/// common.
 #[derive(Debug)]
 pub(super) struct Differences {
-    pddo: Pddo,
+    pub(super) pddo: Pddo,
+    pub(super) work: Derivatives,
+    /// Whether the viscous stress has the term of the divergence.
+    is_compressible: bool,
     /// Rows of each component: the first derivatives, then the Laplacian.
     velocity: Vec<Vec<f64>>,
-    /// Of the divergence of the velocity.
     slope_of_divergence: Vec<f64>,
-    /// The velocity of points that move, m/s.
-    flux: Flux,
-    /// In an Eulerian fluid.
-    carried: Option<CarriedFlow>,
-    /// Of an Eulerian fluid: but for convection, m/s².
-    acceleration: Vec<Vector3<f64>>,
-    /// Of an Eulerian fluid: in the middle of the step, m/s.
-    middle_velocity: Vec<Vector3<f64>>,
     diffusion: DensityDiffusion,
-    work: Derivatives,
     pressure: Differentiated,
     viscosity: Differentiated,
 }
 
 impl Differences {
-    pub(super) fn new(pddo: Pddo, is_eulerian: bool) -> Self {
-        Differences {
+    pub(super) fn prepare(
+        keys: DifferencesKeys,
+        body: &Body,
+        family: Arc<Family>,
+    ) -> Result<Self, SetupError> {
+        let pddo = Pddo::build(body, family, 2);
+        let pddo = pddo.map_err(|e| SetupError::other("horizon", e))?;
+        Ok(Differences {
+            is_compressible: keys.is_compressible,
             velocity: vec![Vec::new(); pddo.dimension()],
             slope_of_divergence: Vec::new(),
-            flux: Flux::new(pddo.dimension()),
-            carried: is_eulerian.then(|| CarriedFlow::new(&pddo)),
-            acceleration: Vec::new(),
-            middle_velocity: Vec::new(),
             diffusion: DensityDiffusion::default(),
             work: Derivatives::default(),
             pressure: Differentiated::default(),
             viscosity: Differentiated::default(),
             pddo,
-        }
+        })
     }
 
-    /// Acceleration of a point of this density (kg/m³) but for convection, m/s².
-    #[inline(always)]
-    fn acceleration<const D: usize>(
-        &self,
-        terms: &Terms<'_>,
-        (i, density): (usize, f64),
-    ) -> Vector3<f64> {
-        let viscosity = &terms.medium.viscosity;
-        let of: [&[f64]; D] = std::array::from_fn(|b| row(&self.velocity[b], D + 1, i));
-        let pressure = row(&self.pressure.rows, D, i);
-        let slope = viscosity.varies.then(|| row(&self.viscosity.rows, D, i));
-        let viscosity = viscosity.value[i];
-        let mut acceleration = Vector3::zeros();
-        for a in 0..D {
-            let mut force = viscosity * of[a][D] - pressure[a];
-            if terms.compressible {
-                force += viscosity / 3.0 * row(&self.slope_of_divergence, D, i)[a];
-            }
-            if let Some(slope) = slope {
-                force += (0..D)
-                    .map(|b| (of[a][b] + of[b][a]) * slope[b])
-                    .sum::<f64>();
-            }
-            if let Some(carried) = &self.carried {
-                force += carried.short_waves(i, a);
-            }
-            acceleration[a] = force / density + terms.body_acceleration(i, a);
-        }
-        acceleration
+    pub(super) fn dimension(&self) -> usize {
+        self.velocity.len()
     }
 
-    fn accelerate<const D: usize>(
-        &self,
-        terms: &Terms<'_>,
-        dt: f64,
-        velocity: &mut [Vector3<f64>],
-        density: &[f64],
-    ) {
-        let time = dt * terms.acceleration_fraction;
-        let points = velocity.par_iter_mut().enumerate();
-        points
-            .with_min_len(POINTS_PER_TASK)
-            .for_each(|(i, v)| match &self.carried {
-                Some(carried) => {
-                    let others = self.acceleration[i];
-                    for a in 0..D {
-                        let carried = carried.force(i, a, v[a]) / density[i];
-                        v[a] += time * (others[a] + carried);
-                    }
-                }
-                None => *v += time * self.acceleration::<D>(terms, (i, density[i])),
-            });
-    }
-
-    /// Finds the acceleration but for convection, and the velocity after half a step of this size (s).
-    fn find_middle<const D: usize>(
-        &mut self,
-        (terms, dt): (&Terms<'_>, f64),
-        velocity: &[Vector3<f64>],
-        density: &[f64],
-    ) {
-        let mut found = (
-            std::mem::take(&mut self.acceleration),
-            std::mem::take(&mut self.middle_velocity),
-        );
-        let time = 0.5 * dt * terms.acceleration_fraction;
-        let of_point = |(i, velocity): (usize, &Vector3<f64>)| {
-            let acceleration = self.acceleration::<D>(terms, (i, density[i]));
-            let mut middle = *velocity;
-            for a in 0..D {
-                let slope = row(&self.velocity[a], D + 1, i);
-                let carried: f64 = (0..D).map(|b| velocity[b] * slope[b]).sum();
-                middle[a] += time * (acceleration[a] - carried);
-            }
-            (acceleration, middle)
-        };
-        let points = velocity.par_iter().enumerate();
-        let points = points.with_min_len(POINTS_PER_TASK);
-        points
-            .map(of_point)
-            .unzip_into_vecs(&mut found.0, &mut found.1);
-        (self.acceleration, self.middle_velocity) = found;
-    }
-
-    /// Rate of the density by diffusion, kg/(m³ s).
-    fn diffusion_rate(&self, terms: &Terms<'_>, point: usize) -> f64 {
-        match terms.density_diffusion > 0.0 {
-            true => terms.density_diffusivity(point) * self.diffusion.laplacian[point],
-            false => 0.0,
-        }
-    }
-
-    /// Heat of viscous friction over the viscosity, 1/s² (Gao (2020), eq. 5.65).
-    fn dissipation(&self, point: usize) -> f64 {
-        let dimension = self.velocity.len();
-        let of = |a: usize, b: usize| row(&self.velocity[a], dimension + 1, point)[b];
-        let mut sum = 0.0;
-        for a in 0..dimension {
-            sum += 2.0 * of(a, a).powi(2);
-            sum += (0..a).map(|b| (of(a, b) + of(b, a)).powi(2)).sum::<f64>();
-        }
-        sum
-    }
-}
-
-impl Rates for Differences {
-    fn family(&self) -> &Family {
+    pub(super) fn family(&self) -> &Family {
         self.pddo.family()
     }
 
-    fn follow(
+    /// First derivatives and Laplacian of a component of the velocity at a point.
+    #[inline(always)]
+    pub(super) fn velocity_row(&self, component: usize, point: usize) -> &[f64] {
+        row(&self.velocity[component], self.dimension() + 1, point)
+    }
+
+    /// Takes the family and operators of the points at their current positions (m).
+    pub(super) fn rebuild(
         &mut self,
         positions: &[Vector3<f64>],
         family: &dyn Fn() -> Arc<Family>,
@@ -282,71 +178,39 @@ impl Rates for Differences {
         self.pddo.rebuild(positions, family)
     }
 
-    fn stability(&self) -> Stability {
+    pub(super) fn stability(&self) -> Stability {
         // all families are complete
-        let mut laplacian = self.pddo.laplacian_sum(0);
-        if self.carried.is_some() {
-            laplacian = laplacian.max(0.5 * largest_rate_at_walls(&self.pddo));
-        }
         Stability {
             wave_number: self.pddo.largest_wave_number(0),
-            laplacian,
+            laplacian: self.pddo.laplacian_sum(0),
         }
     }
 
-    fn set_viscosity(&mut self, medium: &Medium) {
+    pub(super) fn set_viscosity(&mut self, medium: &Medium) {
         let (pddo, work) = (&self.pddo, &mut self.work);
         self.viscosity
             .set_coefficient(&medium.viscosity, pddo, work);
     }
 
-    fn set_velocity(&mut self, velocity: &[SlotField], density: &[f64], terms: &Terms<'_>) {
+    pub(super) fn set_velocity(
+        &mut self,
+        velocity: &[SlotField],
+        density: &[f64],
+        terms: &Terms<'_>,
+    ) {
         let (pddo, work) = (&self.pddo, &mut self.work);
         for (slots, rows) in velocity.iter().zip(&mut self.velocity) {
             pddo.gradient_and_laplacian(slots, work, rows);
         }
-        if terms.compressible {
+        if self.is_compressible {
             pddo.gradient_of_divergence(velocity, work, &mut self.slope_of_divergence);
         }
         if terms.density_diffusion > 0.0 {
-            self.diffusion.find((pddo, work), density, terms);
-        }
-        let Some(mut carried) = self.carried.take() else {
-            return self.flux.find(pddo, work, velocity, None);
-        };
-        let mut work = std::mem::take(&mut self.work);
-        let rate = |i: usize| self.diffusion_rate(terms, i);
-        let operator = (&self.pddo, &mut work);
-        carried.set_mass(operator, velocity, density, (terms.dt, rate));
-        let dimension = velocity.len();
-        let laplacian =
-            |i: usize, axis: usize| row(&self.velocity[axis], dimension + 1, i)[dimension];
-        let operator = (&self.pddo, &mut work);
-        carried.set_short_waves(operator, velocity, density, (terms, laplacian));
-        (self.work, self.carried) = (work, Some(carried));
-    }
-
-    fn carry(&mut self, terms: &Terms<'_>, dt: f64, velocity: &[Vector3<f64>], density: &[f64]) {
-        if self.carried.is_none() {
-            return;
-        }
-        match self.velocity.len() {
-            2 => self.find_middle::<2>((terms, dt), velocity, density),
-            _ => self.find_middle::<3>((terms, dt), velocity, density),
-        }
-        if let Some(carried) = &mut self.carried {
-            let (operator, middle) = ((&self.pddo, &mut self.work), &self.middle_velocity);
-            carried.set_momentum(operator, middle, terms.rules);
+            self.diffusion.find(pddo, work, density, terms);
         }
     }
 
-    fn mass_flux(&self, flux: &mut [Vector3<f64>]) {
-        if let Some(carried) = &self.carried {
-            carried.copy_mass_flux(flux);
-        }
-    }
-
-    fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
+    pub(super) fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
         let slots = &mut self.pressure.slots;
         let hydrostatic =
             Rising(|axis, point, distance| force.map_or(0.0, |f| f[point][axis] * distance));
@@ -355,44 +219,64 @@ impl Rates for Differences {
             .gradient(slots, &mut self.work, &mut self.pressure.rows);
     }
 
-    fn advance_density(
-        &mut self,
-        terms: &Terms<'_>,
-        dt: f64,
-        (density, pressure): (&mut [f64], &mut [f64]),
-    ) {
-        let medium = terms.medium;
-        let points = density.par_iter_mut().zip(pressure).enumerate();
-        points
-            .with_min_len(POINTS_PER_TASK)
-            .for_each(|(i, (rho, p))| {
-                let before = *rho;
-                let carried = match &self.carried {
-                    Some(carried) => carried.mass.divergence[i],
-                    None => before * self.flux.divergence[i],
-                };
-                *rho += dt * (self.diffusion_rate(terms, i) - carried);
-                *p = medium.pressure(i, (before, *rho), *p);
-            });
-    }
-
-    fn advance_velocity(
+    /// Acceleration of a point of this density (kg/m³) but for convection, with the decay of short waves of a flow that is
+    /// carried, m/s².
+    #[inline(always)]
+    pub(super) fn acceleration<const D: usize>(
         &self,
         terms: &Terms<'_>,
-        dt: f64,
-        velocity: &mut [Vector3<f64>],
-        density: &[f64],
-    ) {
-        match self.velocity.len() {
-            2 => self.accelerate::<2>(terms, dt, velocity, density),
-            _ => self.accelerate::<3>(terms, dt, velocity, density),
+        i: usize,
+        density: f64,
+        carried: Option<&CarriedFlow>,
+    ) -> Vector3<f64> {
+        let viscosity = &terms.medium.viscosity;
+        let of: [&[f64]; D] = std::array::from_fn(|b| row(&self.velocity[b], D + 1, i));
+        let pressure = row(&self.pressure.rows, D, i);
+        let slope = viscosity.varies.then(|| row(&self.viscosity.rows, D, i));
+        let viscosity = viscosity.value[i];
+        let mut acceleration = Vector3::zeros();
+        for a in 0..D {
+            let mut force = viscosity * of[a][D] - pressure[a];
+            if self.is_compressible {
+                force += viscosity / 3.0 * row(&self.slope_of_divergence, D, i)[a];
+            }
+            if let Some(slope) = slope {
+                force += (0..D)
+                    .map(|b| (of[a][b] + of[b][a]) * slope[b])
+                    .sum::<f64>();
+            }
+            if let Some(carried) = carried {
+                force += carried.short_waves(i, a);
+            }
+            acceleration[a] = force / density + terms.body_acceleration(i, a);
+        }
+        acceleration
+    }
+
+    /// Rate of the density by diffusion, kg/(m³ s).
+    pub(super) fn diffusion_rate(&self, terms: &Terms<'_>, point: usize) -> f64 {
+        match terms.density_diffusion > 0.0 {
+            true => terms.density_diffusivity(point) * self.diffusion.laplacian[point],
+            false => 0.0,
         }
     }
 
-    fn friction(&self, medium: &Medium, friction: &mut Vec<f64>) {
+    /// Heat of viscous friction per current volume, W/m³.
+    pub(super) fn friction(&self, medium: &Medium, friction: &mut Vec<f64>) {
         let viscosity = medium.viscosity.value.par_iter().enumerate();
-        let of_point = |(i, mu): (usize, &f64)| mu * self.dissipation(i);
+        let at_point = |(i, mu): (usize, &f64)| mu * self.dissipation(i);
         let viscosity = viscosity.with_min_len(POINTS_PER_TASK);
-        viscosity.map(of_point).collect_into_vec(friction);
+        viscosity.map(at_point).collect_into_vec(friction);
+    }
+
+    /// Heat of viscous friction over the viscosity, 1/s² (Gao (2020), eq. 5.65).
+    fn dissipation(&self, point: usize) -> f64 {
+        let of = |a: usize, b: usize| self.velocity_row(a, point)[b];
+        let mut sum = 0.0;
+        for a in 0..self.dimension() {
+            sum += 2.0 * of(a, a).powi(2);
+            sum += (0..a).map(|b| (of(a, b) + of(b, a)).powi(2)).sum::<f64>();
+        }
+        sum
     }
 }

@@ -1,9 +1,10 @@
 //! Keys of a fluid that fit neither the body nor each other.
 
-use perimelt_core::Axis;
 use perimelt_core::body::{Body, Jitter, Store};
+use perimelt_core::{Axis, SetupError};
 
 use super::Fluid;
+use super::kinds::FluidKeys;
 use crate::testing::{block, read};
 
 fn water(dimension: usize) -> Body {
@@ -21,10 +22,18 @@ fn water(dimension: usize) -> Body {
     )
 }
 
+/// The keys of a fluid, or the mistake.
+fn keys(body: &Body, keys: &str) -> Result<FluidKeys, SetupError> {
+    let mut fluid: Fluid = read(&format!("state.tait.sound_speed = 1\n{keys}"));
+    fluid.check_numbers(body)?;
+    let keys = fluid.take_keys()?;
+    keys.check_body(body)?;
+    Ok(keys)
+}
+
 /// The key at fault, if any.
-fn fault(body: &Body, keys: &str) -> Option<String> {
-    let fluid: Fluid = read(&format!("state.tait.sound_speed = 1\n{keys}"));
-    fluid.check(body).err().map(|e| e.key)
+fn fault(body: &Body, table: &str) -> Option<String> {
+    keys(body, table).err().map(|e| e.key)
 }
 
 const EULER: &str = "description = 'eulerian'\nform = 'conservative'";
@@ -37,7 +46,6 @@ fn numbers_have_their_ranges() {
         "density_diffusion",
         "startup",
         "shifting",
-        "volume_relaxation",
         "xsph",
         "artificial_viscosity",
         "least_distance",
@@ -48,6 +56,12 @@ fn numbers_have_their_ranges() {
             assert_eq!(found.as_deref(), Some(key), "{value}");
         }
     }
+    let relaxation = |value: &str| {
+        let table = format!("form = 'conservative'\nvolume_relaxation = {value}");
+        fault(&body, &table)
+    };
+    assert_eq!(relaxation("0"), None);
+    assert_eq!(relaxation("-1e-4").as_deref(), Some("volume_relaxation"));
     assert_eq!(fault(&body, "least_distance = 0.99"), None);
     assert!(fault(&body, "least_distance = 1").is_some());
     for (keys, at_fault) in [
@@ -56,7 +70,8 @@ fn numbers_have_their_ranges() {
         ("restitution = 1.1", Some("collisions.restitution")),
         ("distance = -0.1", Some("collisions.distance")),
     ] {
-        let found = fault(&body, &format!("collisions = {{ {keys} }}"));
+        let table = format!("form = 'conservative'\ncollisions = {{ {keys} }}");
+        let found = fault(&body, &table);
         assert_eq!(found.as_deref(), at_fault, "{keys}");
     }
 }
@@ -78,6 +93,10 @@ fn keys_fit_each_other() {
         ),
         ("description = 'eulerian'\nconvection = 'central'", None),
         ("convection = 'central'", Some("convection")),
+        ("volume_relaxation = 1e-4", Some("volume_relaxation")),
+        ("collisions = {}", Some("collisions")),
+        ("form = 'conservative'\ncollisions = {}", None),
+        ("surface = 'natural'\nstress = 'incompressible'", None),
         ("form = 'conservative'", None),
         (
             "form = 'conservative'\ndescription = 'total_lagrangian'",
@@ -139,10 +158,9 @@ fn the_body_fits_the_form() {
 #[test]
 fn angular_momentum_is_kept_by_central_forces_alone() {
     let central = "form = 'conservative'\nstress = 'central'";
-    for (keys, is_kept) in [
+    for (table, is_kept) in [
         (central.to_owned(), true),
         ("form = 'conservative'".into(), false),
-        ("stress = 'central'".into(), false),
         (format!("{central}\nsurface = 'zero_pressure'"), false),
         (format!("{central}\nsurface = 'closed'"), true),
         (format!("{central}\nsmoothing = 20"), false),
@@ -150,15 +168,51 @@ fn angular_momentum_is_kept_by_central_forces_alone() {
         (format!("{central}\nshifting = 0.1"), false),
         (format!("{central}\ndensity_diffusion = 0.1"), true),
     ] {
-        let fluid: Fluid = read(&format!("state.tait.sound_speed = 1\n{keys}"));
-        assert_eq!(fluid.keeps_angular_momentum(), is_kept, "{keys}");
+        let keys = keys(&water(2), &table).expect("they fit");
+        assert_eq!(keys.keeps_angular_momentum(), is_kept, "{table}");
     }
-    for (keys, may) in [
+    for (table, may) in [
         ("", false),
         ("form = 'conservative'", true),
         ("surface = 'zero_pressure'", true),
     ] {
-        let fluid: Fluid = read(&format!("state.tait.sound_speed = 1\n{keys}"));
-        assert_eq!(fluid.may_have_free_surface(), may, "{keys}");
+        let keys = keys(&water(2), table).expect("they fit");
+        assert_eq!(keys.may_have_free_surface(), may, "{table}");
+    }
+}
+
+/// The message names the key, says with which form or description it works, and what to write.
+#[test]
+fn the_message_follows_from_the_keys_of_other_fluids() {
+    for (table, expected) in [
+        (
+            "stress = 'central'",
+            "`stress = \"central\"` does not work with `description = \"updated_lagrangian\"` and `form = \"differences\"`; \
+             expected `form = \"conservative\"`, or leave `stress` out",
+        ),
+        (
+            "description = 'total_lagrangian'\nshifting = 0.1",
+            "`shifting` does not work with `description = \"total_lagrangian\"` and `form = \"differences\"`; \
+             expected `description = \"updated_lagrangian\"`, or leave `shifting` out",
+        ),
+        (
+            "description = 'total_lagrangian'\nvolume_relaxation = 0.1",
+            "`volume_relaxation` does not work with `description = \"total_lagrangian\"` and `form = \"differences\"`; \
+             expected `description = \"updated_lagrangian\"` with `form = \"conservative\"`, or leave `volume_relaxation` out",
+        ),
+        (
+            &format!("{EULER}\ncollisions = {{}}"),
+            "`collisions` does not work with `description = \"eulerian\"` and `form = \"conservative\"`; \
+             expected `description = \"updated_lagrangian\"`, or leave `collisions` out",
+        ),
+        (
+            "description = 'arbitrary_lagrangian_eulerian'",
+            "`description = \"arbitrary_lagrangian_eulerian\"` does not work with `form = \"differences\"`; \
+             expected `form = \"conservative\"` or `description = \"updated_lagrangian\"` or `description = \"total_lagrangian\"` \
+             or `description = \"eulerian\"`",
+        ),
+    ] {
+        let error = keys(&water(2), table).expect_err("a key of other fluids");
+        assert_eq!(error.to_string(), expected);
     }
 }

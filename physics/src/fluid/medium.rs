@@ -7,7 +7,7 @@ use perimelt_core::{Family, SlotField};
 use rayon::prelude::*;
 
 use super::rates::POINTS_PER_TASK;
-use super::state::State;
+use super::state::{DensityChange, State};
 
 /// The fluid and its properties at its present temperature.
 #[derive(Debug)]
@@ -103,10 +103,10 @@ impl Medium {
         1.2 * self.spacing[point]
     }
 
-    /// Pressure of a point whose density went from `before` to `after` (kg/m³), Pa.
-    pub(super) fn pressure(&self, point: usize, densities: (f64, f64), pressure: f64) -> f64 {
+    /// Pressure of a point after a change of its density, Pa.
+    pub(super) fn pressure(&self, point: usize, density: DensityChange, pressure: f64) -> f64 {
         self.state
-            .pressure(densities, pressure, self.reference_density[point])
+            .pressure(density, pressure, self.reference_density[point])
     }
 }
 
@@ -176,6 +176,10 @@ mod tests {
         assert_eq!(medium.sound_diffusivity(0), 10.0);
         assert_eq!(medium.smoothing_length(0), 0.6);
         // 2 * 400 (rho / 2 - 1)
-        assert_eq!(medium.pressure(0, (2.0, 3.0), 9.0), 400.0);
+        let change = DensityChange {
+            before: 2.0,
+            after: 3.0,
+        };
+        assert_eq!(medium.pressure(0, change, 9.0), 400.0);
     }
 }

@@ -1,18 +1,11 @@
 //! Rates of the fields: what every form of the equations offers to a step, and what it needs.
 
-use std::sync::Arc;
-
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
-use perimelt_core::world::BodyIndex;
-use perimelt_core::{Family, PddoError, SlotField, World};
+use perimelt_core::{Family, SlotField};
 use rayon::prelude::*;
 
-use crate::advection::Convection;
-
-use super::collision::FluidPoints;
 use super::medium::Medium;
-use super::point_motion::PointMotion;
 use super::walls::Walls;
 
 /// Least number of points that a thread takes at once.
@@ -24,10 +17,6 @@ pub(super) struct Terms<'a> {
     /// N/m³.
     pub(super) force: Option<&'a [Vector3<f64>]>,
     pub(super) density_diffusion: f64,
-    pub(super) volume_relaxation: f64,
-    pub(super) compressible: bool,
-    /// `None` for points that move with the fluid.
-    pub(super) convection: Option<Convection>,
     /// Fraction of the acceleration that counts during the start-up.
     pub(super) acceleration_fraction: f64,
     /// How the velocity continues behind faces.
@@ -70,7 +59,7 @@ pub(super) struct Stability {
 }
 
 impl Stability {
-    /// The same operators where their largest sums went from `initial` to `now`.
+    /// Operators whose largest sums went from `initial` to `now`.
     pub(super) fn scaled(self, initial: LargestSums, now: LargestSums) -> Self {
         let growth = |initial: f64, now: f64| (now / initial).max(1.0);
         Stability {
@@ -79,7 +68,7 @@ impl Stability {
         }
     }
 
-    /// The same operators where squared distances went down by this factor.
+    /// Operators where squared distances went down by this factor.
     pub(super) fn compressed(self, factor: f64) -> Self {
         Stability {
             wave_number: self.wave_number * factor.sqrt(),
@@ -91,9 +80,9 @@ impl Stability {
 /// Largest sums over the bonds of a point; only their growth matters.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LargestSums {
-    /// Of the weights of bonds times their lengths: bounds the response of first derivatives.
+    /// Sum of the weights of bonds times their lengths: bounds the response of first derivatives.
     first: f64,
-    /// Of the weights: bounds the response of second derivatives.
+    /// Sum of the weights: bounds the response of second derivatives.
     second: f64,
 }
 
@@ -121,64 +110,15 @@ impl LargestSums {
 }
 
 /// Rates of the fields in one form of the equations. A step first sets the fields on which the rates depend, then
-/// advances others by a time dt (s).
+/// advances others.
 pub(super) trait Rates: std::fmt::Debug {
     /// The family over which sums are taken.
     fn family(&self) -> &Family;
 
-    /// Takes the family of the points at their current positions (m). The family so far is released before `family`
-    /// is called, so that the world can update it in place.
-    fn follow(
-        &mut self,
-        positions: &[Vector3<f64>],
-        family: &dyn Fn() -> Arc<Family>,
-    ) -> Result<(), PddoError>;
-
-    /// Takes positions and velocities of the bodies that are walls for the fluid of `body`, and lets points follow them in a step of
-    /// `dt` (s).
-    fn follow_walls(&mut self, _world: &World, _body: BodyIndex, _dt: f64) {}
-
-    /// Motion of points through which the fluid flows.
-    fn motion(&self) -> Option<&PointMotion> {
-        None
-    }
-
-    /// The same, to restore its state.
-    fn motion_mut(&mut self) -> Option<&mut PointMotion> {
-        None
-    }
-
-    /// Gives the walls the opposite of what they do to the fluid in a time (s), with the velocity by slot as last set.
-    fn give_impulses(&mut self, _world: &World, _velocity: &[SlotField], _time: f64) {}
-
-    /// Lets points that would penetrate walls in this step collide with them.
-    fn collide(&mut self, _world: &World, _body: BodyIndex, _fluid: FluidPoints<'_>) {}
-
-    /// Finds what is logged of walls.
-    fn observe_walls(&mut self, _world: &World, _body: BodyIndex) {}
-
-    /// Bodies that are walls.
-    fn walls(&self) -> Option<&Walls> {
-        None
-    }
-
-    /// The same, to restore their state.
-    fn walls_mut(&mut self) -> Option<&mut Walls> {
-        None
-    }
-
-    /// Volume of the fluid over that of the cells of points at rest, where walls displace fluid.
-    fn fullness(&self) -> Option<&Vec<f64>> {
-        None
-    }
-
-    /// The same, to restore it.
-    fn set_fullness(&mut self, _fullness: Vec<f64>) {}
-
     /// What the largest stable step depends on, for the points at their reference positions.
     fn stability(&self) -> Stability;
 
-    /// Sets a viscosity that varies from point to point.
+    /// Takes the viscosity at the start of a step.
     fn set_viscosity(&mut self, medium: &Medium);
 
     /// Sets the velocity, by slot and component, and the density.
@@ -187,28 +127,14 @@ pub(super) trait Rates: std::fmt::Debug {
     /// Sets the pressure; behind faces it grows with the weight of the fluid before them.
     fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>);
 
-    /// Sets what an Eulerian fluid carries in the middle of the next advance of the velocity by a time (s); after velocity
-    /// and pressure.
-    fn carry(
-        &mut self,
-        _terms: &Terms<'_>,
-        _time: f64,
-        _velocity: &[Vector3<f64>],
-        _density: &[f64],
-    ) {
-    }
+    /// Advances density and pressure by the step.
+    fn advance_density(&mut self, terms: &Terms<'_>, density: &mut [f64], pressure: &mut [f64]);
 
-    /// Copies the flux of mass of an Eulerian fluid, kg/(m² s).
-    fn mass_flux(&self, _flux: &mut [Vector3<f64>]) {}
-
-    /// Advances density and pressure.
-    fn advance_density(&mut self, terms: &Terms<'_>, dt: f64, fields: (&mut [f64], &mut [f64]));
-
-    /// Advances the velocity.
+    /// Advances the velocity by a time (s), after velocity and pressure are set.
     fn advance_velocity(
-        &self,
+        &mut self,
         terms: &Terms<'_>,
-        dt: f64,
+        time: f64,
         velocity: &mut [Vector3<f64>],
         density: &[f64],
     );

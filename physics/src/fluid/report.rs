@@ -13,8 +13,8 @@ impl FluidRun {
         let mass = Balance::new("mass", "kg", self.mass(world), self.initial_mass, 0.0);
         let mut all = vec![mass.of_size(self.initial_mass)];
         if let Some([initial, given, exchanged]) = self.momentum {
-            let now = self.momentum_now(world, |v| *v);
-            let size = self.momentum_now(world, |v| Vector3::repeat(v.norm()));
+            let now = self.sum_of_momenta(world, |_, v| *v);
+            let size = self.sum_of_momenta(world, |_, v| Vector3::repeat(v.norm()));
             for (axis, name) in ["x", "y", "z"].iter().enumerate().take(self.slots.len()) {
                 let name = format!("momentum.{name}");
                 let balance = Balance::new(&name, "N s", now[axis], initial[axis], given[axis]);
@@ -22,9 +22,8 @@ impl FluidRun {
             }
         }
         if let Some([initial, given, exchanged]) = self.angular_momentum {
-            let now = self.angular_momentum_now(world, |x, v| x.cross(v));
-            let size =
-                self.angular_momentum_now(world, |x, v| Vector3::repeat(x.norm() * v.norm()));
+            let now = self.sum_of_momenta(world, |x, v| x.cross(v));
+            let size = self.sum_of_momenta(world, |x, v| Vector3::repeat(x.norm() * v.norm()));
             let axes = if self.slots.len() == 2 { 2..3 } else { 0..3 };
             for axis in axes {
                 let name = format!("angular_momentum.{}", ["x", "y", "z"][axis]);
@@ -41,24 +40,20 @@ impl FluidRun {
             Report::new("energy.kinetic", "J", self.kinetic_energy),
             Report::new("density.deviation", "1", self.density_deviation),
         ];
-        all.extend(self.rates.walls().into_iter().flat_map(Walls::reports));
+        all.extend(self.points.walls().into_iter().flat_map(Walls::reports));
         all
     }
 
     /// Finds what is reported.
-    pub(super) fn observe(&mut self, world: &World) {
-        self.rates.observe_walls(world, self.body);
-        let velocity = world.read::<Vector3<f64>>(self.velocity.into());
-        let density = world.read::<f64>(self.density.into());
+    pub(super) fn find_reports(&mut self, world: &World) {
+        if let Some(walls) = self.points.walls_mut() {
+            walls.observe(world, self.body);
+        }
+        let velocity = world.read::<Vector3<f64>>(self.fields.velocity.into());
+        let density = world.read::<f64>(self.fields.density.into());
         let square: Vec<f64> = velocity.iter().map(Vector3::norm_squared).collect();
-        self.kinetic_energy = match &self.moving {
-            Some(moving) => sum_of([&square, &moving.mass], |[v2, m]| 0.5 * v2 * m),
-            None => {
-                let mass = self.mass_of_points(world, &density);
-                let mass: Vec<f64> = (0..square.len()).map(mass).collect();
-                sum_of([&square, &mass], |[v2, m]| 0.5 * v2 * m)
-            }
-        };
+        let mass = self.masses(world, &density);
+        self.kinetic_energy = sum_of([&square, &mass], |[v2, m]| 0.5 * v2 * m);
         let reference = &self.medium.reference_density;
         let deviation = density
             .iter()

@@ -6,6 +6,7 @@ use perimelt_core::body::Store;
 use perimelt_core::{Axis, Physics, RunError, Setup, Simulation, Wall, World};
 
 use super::Fluid;
+use super::run::FluidRun;
 use super::tests::{flow, periodic, ringing};
 use crate::testing::{block, read, set};
 
@@ -38,7 +39,7 @@ fn step_between_walls(wall_density: f64) -> f64 {
         "body = 'block'\ndescription = 'eulerian'\nconvection = 'central'\nform = 'conservative'\nstate.tait.sound_speed = 1",
     );
     fluid.publish(&mut setup).expect("the only fluid");
-    let fluid = fluid.ready(&mut setup).expect("walls all around");
+    let fluid = FluidRun::prepare(fluid, &mut setup).expect("walls all around");
     fluid.find_stable_step(&world)
 }
 

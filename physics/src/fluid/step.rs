@@ -10,17 +10,14 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::{ByRules, Curved};
-use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::{PddoError, SlotField, Step, World};
 
-use super::boundaries::keep_inside;
-use super::collision::FluidPoints;
-use super::keys::{Fluid, Scheme, Stress, Surface};
-use super::least_distance::DistantPoints;
-use super::medium::Medium;
-use super::rates::{Rates, Terms};
-use super::run::{FluidRun, FluidTemperature, Moving};
-use super::treatments::Treatments;
+use super::keys::Scheme;
+use super::lagrangian::MotionStep;
+use super::points::Points;
+use super::rates::Terms;
+use super::run::{FluidRun, FluidTemperature, StepSettings};
+use super::treatments::{Around, Treatments};
 
 /// Fields of the flow during a step.
 struct Flow<'a> {
@@ -31,114 +28,57 @@ struct Flow<'a> {
 
 /// What advances them.
 struct Advance<'a> {
-    rates: &'a mut dyn Rates,
+    points: &'a mut Points,
     treatments: &'a mut Treatments,
     /// Components of the velocity by slot.
     slots: &'a mut [SlotField],
     terms: Terms<'a>,
-    impulses: Option<Impulses<'a>>,
-    /// Of a fluid without free surface.
-    container: Option<Container<'a>>,
-    /// s.
-    dt: f64,
-}
-
-/// What a fluid fills.
-struct Container<'a> {
-    /// Of the points, kg.
-    mass: &'a [f64],
-    /// m³.
-    volume: f64,
-}
-
-impl Container<'_> {
-    /// Factor of all densities with which the points fill the container.
-    fn compression(&self, density: &[f64]) -> f64 {
-        sum_of([self.mass, density], |[mass, density]| mass / density) / self.volume
-    }
-}
-
-/// Impulses that other bodies gave to points that move.
-struct Impulses<'a> {
-    /// N s/m³ of the reference volume.
-    density: &'a [Vector3<f64>],
-    /// m³.
-    reference_volume: &'a [f64],
-    /// kg.
-    mass: &'a [f64],
-}
-
-impl Impulses<'_> {
-    fn take_up(&self, velocity: &mut [Vector3<f64>]) {
-        let points = velocity.iter_mut().zip(self.density);
-        let points = points.zip(self.reference_volume.iter().zip(self.mass));
-        points.for_each(|((v, j), (volume, mass))| *v += j * (volume / mass));
-    }
+    settings: StepSettings,
 }
 
 impl FluidRun {
-    pub(super) fn advance(
-        &mut self,
-        fluid: &Fluid,
-        world: &World,
-        step: Step,
-    ) -> Result<(), PddoError> {
+    pub(super) fn take_step(&mut self, world: &World, step: Step) -> Result<(), PddoError> {
         self.set_viscosity(world);
-        self.rates.follow_walls(world, self.body, step.size);
-        self.advance_flow(fluid, world, step);
+        self.points.follow_walls(world, self.body, step.size);
+        self.advance_flow(world, step);
         self.steps += 1;
-        self.smooth(fluid, world);
-        self.move_points(fluid, world, step.size);
-        self.count_momentum(fluid, world, step);
+        self.smooth(world);
+        self.move_points(world, step.size);
+        self.count_momentum(world, step);
         self.set_configuration(world)
     }
 
     /// Evaluates a viscosity that varies from point to point.
     fn set_viscosity(&mut self, world: &World) {
         let viscosity = &mut self.medium.viscosity;
-        if let Some(FluidTemperature { field, curves }) = &self.temperature {
+        if let Some(FluidTemperature { field, curves }) = &self.fields.temperature {
             let material = &world.body(self.body).material_of_point;
             viscosity.evaluate(&world.read(*field), material, curves);
         }
-        if viscosity.varies {
-            self.rates.set_viscosity(&self.medium);
-        }
+        self.points.rates_mut().set_viscosity(&self.medium);
     }
 
-    fn advance_flow(&mut self, fluid: &Fluid, world: &World, step: Step) {
-        let mut velocity = world.write(self.velocity);
-        let mut density = world.write(self.density);
-        let mut pressure = world.write(self.pressure);
-        let rules = world.layer_rules(self.velocity_layers);
-        let force = self.body_force.map(|f| world.read(f));
-        let impulse = self.impulse.map(|j| world.read(j));
-        let impulses = impulse.as_deref().zip(self.moving.as_ref());
-        let container = self.container.zip(self.moving.as_ref());
+    fn advance_flow(&mut self, world: &World, step: Step) {
+        let fields = &self.fields;
+        let mut velocity = world.write(fields.velocity);
+        let mut density = world.write(fields.density);
+        let mut pressure = world.write(fields.pressure);
+        let rules = world.layer_rules(fields.velocity_layers);
+        let force = fields.body_force.map(|f| world.read(f));
+        let reference_volume = &world.body(self.body).points.volume;
         let mut advance = Advance {
-            rates: &mut *self.rates,
+            points: &mut self.points,
             treatments: &mut self.treatments,
             slots: &mut self.slots,
             terms: Terms {
                 medium: &self.medium,
                 force: force.as_deref(),
-                density_diffusion: fluid.density_diffusion,
-                volume_relaxation: fluid.volume_relaxation,
-                compressible: fluid.stress == Stress::Compressible,
-                convection: fluid.eulerian_convection(),
-                acceleration_fraction: startup(fluid.startup, step.middle()),
+                density_diffusion: self.settings.density_diffusion,
+                acceleration_fraction: startup(self.settings.startup, step.middle()),
                 rules: &rules,
                 dt: step.size,
             },
-            impulses: impulses.map(|(density, moving)| Impulses {
-                density,
-                reference_volume: &world.body(self.body).points.volume,
-                mass: &moving.mass,
-            }),
-            container: container.map(|(volume, moving)| Container {
-                mass: &moving.mass,
-                volume,
-            }),
-            dt: step.size,
+            settings: self.settings,
         };
         let mut flow = Flow {
             velocity: &mut velocity,
@@ -146,122 +86,71 @@ impl FluidRun {
             pressure: &mut pressure,
         };
         advance.set_velocity(&flow);
-        if let Some(work) = self.viscous_work {
-            let ratio = volume_ratio(&self.moving, &world.body(self.body).points.volume);
-            advance.add_viscous_work(ratio, &mut world.write(work));
+        if let Some(work) = fields.viscous_work {
+            advance.add_viscous_work(reference_volume, &mut world.write(work));
         }
         // while the density is still that of the volumes
-        if fluid.artificial_viscosity > 0.0 {
-            let strength = step.size * fluid.artificial_viscosity;
-            advance.artificial_viscosity(strength, &mut flow);
+        if self.settings.artificial_viscosity > 0.0 {
+            advance.artificial_viscosity(&mut flow);
         }
-        advance.flow(fluid, world, &mut flow);
-        if let Some(flux) = self.mass_flux {
-            advance.rates.mass_flux(&mut world.write(flux));
+        advance.flow(world, &mut flow);
+        match &self.points {
+            Points::Lagrangian(points) => {
+                points.take_up_impulses(world, self.body, &mut velocity);
+            }
+            Points::Eulerian(points) => points.write_mass_flux(world),
         }
     }
 
     /// Smooths velocity and density in every n-th step.
-    fn smooth(&mut self, fluid: &Fluid, world: &World) {
-        if fluid.smoothing == 0 || !self.steps.is_multiple_of(u64::from(fluid.smoothing)) {
+    fn smooth(&mut self, world: &World) {
+        let smoothing = self.settings.smoothing;
+        if smoothing == 0 || !self.steps.is_multiple_of(u64::from(smoothing)) {
             return;
         }
-        let mut pressure = world.write(self.pressure);
-        let volume = match &self.moving {
-            Some(moving) => &moving.volume,
-            None => &world.body(self.body).points.volume,
-        };
+        let mut pressure = world.write(self.fields.pressure);
+        let volume = self.points.volumes(&world.body(self.body).points.volume);
         let medium = &self.medium;
         self.treatments.smooth(
-            (self.rates.family(), volume),
-            &mut world.write(self.velocity),
-            &mut world.write(self.density),
-            |i, densities| {
-                pressure[i] = medium.pressure(i, densities, pressure[i]);
-            },
+            self.points.rates().family(),
+            volume,
+            &mut world.write(self.fields.velocity),
+            &mut world.write(self.fields.density),
+            |i, change| pressure[i] = medium.pressure(i, change, pressure[i]),
         );
     }
 
     /// Displaces points that move by a step of `dt` (s).
-    fn move_points(&mut self, fluid: &Fluid, world: &World, dt: f64) {
-        let Some(displacement) = self.displacement else {
-            return;
-        };
-        let mut displacement = world.write(displacement);
-        if let Some(motion) = self.rates.motion() {
-            let points = displacement.iter_mut().zip(motion.displacements());
-            return points.for_each(|(u, now)| *u = now);
+    fn move_points(&mut self, world: &World, dt: f64) {
+        match &mut self.points {
+            Points::Lagrangian(points) => {
+                let step = MotionStep {
+                    world,
+                    body: self.body,
+                    medium: &self.medium,
+                    pressure: self.fields.pressure.into(),
+                    rules: &world.layer_rules(self.fields.velocity_layers),
+                    slots: &self.slots,
+                    dt,
+                };
+                let mut velocity = world.write(self.fields.velocity);
+                points.displace(&step, &mut self.treatments, &mut velocity);
+            }
+            Points::Eulerian(points) => points.write_displacement(world),
         }
-        let mut velocity = world.write(self.velocity);
-        if let Some(rule) = fluid.collisions
-            && let Some(moving) = &self.moving
-        {
-            let points = FluidPoints {
-                velocity: &mut velocity,
-                mass: &moving.mass,
-                pressure: &world.read(self.pressure.into()),
-                rule,
-                dt,
-            };
-            self.rates.collide(world, self.body, points);
-        }
-        let rules = world.layer_rules(self.velocity_layers);
-        let body = world.body(self.body);
-        if fluid.least_distance > 0.0
-            && let Some(moving) = &self.moving
-        {
-            let now = world.configuration(self.body);
-            let points = DistantPoints {
-                body,
-                family: self.rates.family(),
-                rules: &rules,
-                position: now.positions(),
-                mass: &moving.mass,
-                distance: fluid.least_distance * body.finest_spacing(),
-                dt,
-            };
-            points.keep(&mut velocity);
-        }
-        let points = displacement.iter_mut().zip(&*velocity);
-        points.for_each(|(u, v)| *u += dt * v);
-        if self.moving.is_none() {
-            return;
-        }
-        let family = self.rates.family();
-        if fluid.xsph > 0.0 {
-            let fraction = fluid.xsph * dt;
-            self.treatments
-                .xsph(family, fraction, &self.slots, &mut displacement);
-        }
-        if fluid.shifting > 0.0 {
-            let fraction = fluid.shifting * dt;
-            let surroundings = (family, self.rates.walls(), &self.medium);
-            self.treatments
-                .shift(surroundings, fraction, &velocity, &mut displacement);
-        }
-        keep_inside(body, &rules, &mut displacement, &mut velocity);
     }
 
     /// Adds what body force and walls gave to the momentum and its moment, where they are balanced.
-    fn count_momentum(&mut self, fluid: &Fluid, world: &World, step: Step) {
+    fn count_momentum(&mut self, world: &World, step: Step) {
         if self.momentum.is_none() {
             return;
         }
-        let time = step.size * startup(fluid.startup, step.middle());
-        if let Some(impulse) = self.impulse {
-            let volume = &world.body(self.body).points.volume;
-            let now = world.configuration(self.body);
-            let mut given = [Vector3::zeros(); 2];
-            for ((j, volume), x) in world.read(impulse).iter().zip(volume).zip(now.positions()) {
-                given[0] += *volume * j;
-                given[1] += x.cross(&(*volume * j));
-            }
-            self.count_given(given, 1.0);
-        }
+        let time = step.size * startup(self.settings.startup, step.middle());
+        self.count_given(self.points.received(world, self.body), 1.0);
         let mut given = [Vector3::zeros(); 2];
-        if let Some(force) = self.body_force {
-            let density = world.read::<f64>(self.density.into());
-            let mass = self.mass_of_points(world, &density);
+        if let Some(force) = self.fields.body_force {
+            let density = world.read::<f64>(self.fields.density.into());
+            let mass = (self.points).masses(&density, &world.body(self.body).points.volume);
             let now = world.configuration(self.body);
             for (i, (f, x)) in world.read(force).iter().zip(now.positions()).enumerate() {
                 let force = mass(i) / self.medium.reference_density[i] * f;
@@ -270,7 +159,7 @@ impl FluidRun {
             }
         }
         self.count_given(given, time);
-        if let Some(walls) = self.rates.walls() {
+        if let Some(walls) = self.points.walls() {
             let on_walls = walls.total_force(world);
             let collided = walls.collisions();
             self.count_given(on_walls, -time);
@@ -295,88 +184,85 @@ impl Advance<'_> {
     /// Copies the velocity to slots and passes it to the rates.
     fn set_velocity(&mut self, flow: &Flow<'_>) {
         let velocity = &*flow.velocity;
+        let is_carried = self.points.convection().is_some();
+        let rates = self.points.rates_mut();
         for (axis, slots) in self.slots.iter_mut().enumerate() {
-            let (family, rules) = (self.rates.family(), ByRules(self.terms.rules, axis));
+            let (family, rules) = (rates.family(), ByRules(self.terms.rules, axis));
             let along = |point: usize| velocity[point][axis];
-            match self.terms.convection {
-                Some(_) => slots.load(family, along, Curved(rules)),
-                None => slots.load(family, along, rules),
+            match is_carried {
+                true => slots.load(family, along, Curved(rules)),
+                false => slots.load(family, along, rules),
             }
         }
-        self.rates
-            .set_velocity(self.slots, flow.density, &self.terms);
+        rates.set_velocity(self.slots, flow.density, &self.terms);
     }
 
     /// Adds the work of friction per reference volume, J/m³.
-    fn add_viscous_work(&mut self, volume_ratio: impl Fn(usize) -> f64, work: &mut [f64]) {
+    fn add_viscous_work(&mut self, reference_volume: &[f64], work: &mut [f64]) {
         let mut friction = Vec::new();
-        self.rates.friction(self.terms.medium, &mut friction);
+        let rates = self.points.rates();
+        rates.friction(self.terms.medium, &mut friction);
+        let volume = self.points.volumes(reference_volume);
         for (i, (work, friction)) in work.iter_mut().zip(friction).enumerate() {
-            *work += self.dt * friction * volume_ratio(i);
+            *work += self.terms.dt * friction * (volume[i] / reference_volume[i]);
         }
     }
 
-    fn artificial_viscosity(&mut self, strength: f64, flow: &mut Flow<'_>) {
-        let fields = (&mut *flow.velocity, &*flow.density);
-        let family: (_, &Medium) = (self.rates.family(), self.terms.medium);
-        self.treatments
-            .artificial_viscosity(family, strength, self.slots, fields);
+    fn artificial_viscosity(&mut self, flow: &mut Flow<'_>) {
+        let strength = self.terms.dt * self.settings.artificial_viscosity;
+        let around = Around {
+            family: self.points.rates().family(),
+            medium: self.terms.medium,
+        };
+        self.treatments.artificial_viscosity(
+            around,
+            strength,
+            self.slots,
+            flow.velocity,
+            flow.density,
+        );
     }
 
     /// Advances density, pressure and velocity.
-    fn flow(&mut self, fluid: &Fluid, world: &World, flow: &mut Flow<'_>) {
-        let (dt, force) = (self.dt, self.terms.force);
-        let (first, last) = match fluid.scheme {
+    fn flow(&mut self, world: &World, flow: &mut Flow<'_>) {
+        let (dt, force) = (self.terms.dt, self.terms.force);
+        let scheme = self.settings.scheme;
+        let (first, last) = match scheme {
             Scheme::KickDriftKick => (0.5 * dt, 0.5 * dt),
             Scheme::Symplectic | Scheme::Published => (0.0, dt),
         };
-        if fluid.scheme != Scheme::Symplectic {
-            self.rates.set_pressure(flow.pressure, force);
+        if scheme != Scheme::Symplectic {
+            self.points.rates_mut().set_pressure(flow.pressure, force);
         }
         if first > 0.0 {
             self.kick(first, world, flow);
             self.set_velocity(flow);
         }
-        let fields = (&mut *flow.density, &mut *flow.pressure);
-        self.rates.advance_density(&self.terms, dt, fields);
-        if let Some(container) = &self.container {
-            let factor = container.compression(flow.density);
-            for (i, (rho, p)) in flow.density.iter_mut().zip(&mut *flow.pressure).enumerate() {
-                let before = *rho;
-                *rho *= factor;
-                *p = self.terms.medium.pressure(i, (before, *rho), *p);
-            }
+        let rates = self.points.rates_mut();
+        rates.advance_density(&self.terms, flow.density, flow.pressure);
+        if let Points::Lagrangian(points) = &self.points {
+            points.fill_container(self.terms.medium, flow.density, flow.pressure);
         }
-        if fluid.surface == Surface::ZeroPressure {
-            let family = (self.rates.family(), self.terms.medium);
-            let fields = (&mut *flow.density, &mut *flow.pressure);
-            self.treatments.zero_surface_pressure(family, fields);
+        if self.settings.zero_surface_pressure {
+            let around = Around {
+                family: self.points.rates().family(),
+                medium: self.terms.medium,
+            };
+            self.treatments
+                .zero_surface_pressure(around, flow.density, flow.pressure);
         }
-        if fluid.scheme != Scheme::Published {
-            self.rates.set_pressure(flow.pressure, force);
+        if scheme != Scheme::Published {
+            self.points.rates_mut().set_pressure(flow.pressure, force);
         }
         self.kick(last, world, flow);
-        if let Some(impulses) = &self.impulses {
-            impulses.take_up(flow.velocity);
-        }
     }
 
     /// Advances the velocity by a time (s), and gives the walls the opposite of what they do.
     fn kick(&mut self, time: f64, world: &World, flow: &mut Flow<'_>) {
-        self.rates
-            .carry(&self.terms, time, flow.velocity, flow.density);
-        self.rates
-            .advance_velocity(&self.terms, time, flow.velocity, flow.density);
+        let rates = self.points.rates_mut();
+        rates.advance_velocity(&self.terms, time, flow.velocity, flow.density);
         let time = time * self.terms.acceleration_fraction;
-        self.rates.give_impulses(world, self.slots, time);
-    }
-}
-
-/// Current volume over reference volume of a point.
-fn volume_ratio(moving: &Option<Moving>, reference: &[f64]) -> impl Fn(usize) -> f64 {
-    |point| match moving {
-        Some(moving) => moving.volume[point] / reference[point],
-        None => 1.0,
+        self.points.give_impulses(world, self.slots, time);
     }
 }
 

@@ -12,6 +12,7 @@ use perimelt_core::{
 
 use super::Fluid;
 use super::rates::{LargestSums, Stability};
+use super::run::FluidRun;
 use super::treatments::Treatments;
 use crate::shape_tensor::CompleteFamily;
 use crate::testing::{block, read, run, set, simulation, values};
@@ -215,7 +216,7 @@ fn a_face_without_a_wall_is_refused() {
     let mut setup = perimelt_core::Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("fluid");
     let fluid: Fluid = read("description = 'eulerian'\nstate.tait.sound_speed = 1");
-    let error = fluid.ready(&mut setup).err().expect("y is open");
+    let error = FluidRun::prepare(fluid, &mut setup).expect_err("y is open");
     assert!(error.to_string().contains("`y-`"), "{error}");
 }
 

@@ -11,6 +11,7 @@ use crate::shape_tensor::CompleteFamily;
 
 use super::medium::Medium;
 use super::rates::POINTS_PER_TASK;
+use super::state::DensityChange;
 use super::walls::Walls;
 
 /// Fraction of a complete family below which a point counts as a surface point: the first row below a flat surface
@@ -23,6 +24,13 @@ const TOO_FEW: f64 = 0.55;
 
 /// Fraction below which a point is not shifted: no shifting near free surfaces.
 const NEAR_SURFACE: f64 = 0.97;
+
+/// A family and the fluid in it.
+#[derive(Clone, Copy)]
+pub(super) struct Around<'a> {
+    pub(super) family: &'a Family,
+    pub(super) medium: &'a Medium,
+}
 
 /// The treatments with their work arrays.
 #[derive(Debug)]
@@ -103,11 +111,13 @@ impl Treatments {
     /// eq. 6.56, which is an acceleration and printed as a force).
     pub(super) fn artificial_viscosity(
         &mut self,
-        (family, medium): (&Family, &Medium),
+        around: Around<'_>,
         strength: f64,
         slots: &[SlotField],
-        (velocity, density): (&mut [Vector3<f64>], &[f64]),
+        velocity: &mut [Vector3<f64>],
+        density: &[f64],
     ) {
+        let Around { family, medium } = around;
         let size = medium.smoothing_length(0);
         let kernel = Approach {
             softening: (0.1 * size).powi(2),
@@ -158,11 +168,13 @@ impl Treatments {
     /// `C dt` (s) (Gao (2020), eqs. 6.46 to 6.50, printed with the sign that moves points together).
     pub(super) fn shift(
         &mut self,
-        (family, walls, medium): (&Family, Option<&Walls>, &Medium),
+        around: Around<'_>,
+        walls: Option<&Walls>,
         fraction: f64,
         velocity: &[Vector3<f64>],
         displacement: &mut [Vector3<f64>],
     ) {
+        let Around { family, medium } = around;
         let square = velocity.iter().map(Vector3::norm_squared);
         let fastest = square.fold(0.0, f64::max).sqrt();
         self.sum_crowding(family, walls, velocity.len());
@@ -187,9 +199,11 @@ impl Treatments {
     /// density, which would drift without a pressure that restores it.
     pub(super) fn zero_surface_pressure(
         &mut self,
-        (family, medium): (&Family, &Medium),
-        (density, pressure): (&mut [f64], &mut [f64]),
+        around: Around<'_>,
+        density: &mut [f64],
+        pressure: &mut [f64],
     ) {
+        let Around { family, medium } = around;
         self.sum_crowding(family, None, pressure.len());
         let least = AT_SURFACE * self.complete.content;
         for (i, [.., content]) in self.crowding.iter().enumerate() {
@@ -201,13 +215,14 @@ impl Treatments {
 
     /// Velocity and density by moving least squares over points and their neighbours, without images (Gao
     /// (2020), eqs. 5.111 to 5.114; eq. 5.114c lacks the volumes). Points with too few neighbours keep their values.
-    /// `changed` gets each point with its density before and after.
+    /// `changed` gets each point with the change of its density.
     pub(super) fn smooth(
         &mut self,
-        (family, volume): (&Family, &[f64]),
+        family: &Family,
+        volume: &[f64],
         velocity: &mut [Vector3<f64>],
         density: &mut [f64],
-        mut changed: impl FnMut(usize, (f64, f64)),
+        mut changed: impl FnMut(usize, DensityChange),
     ) {
         let dimension = self.dimension;
         let at = |point: usize| {
@@ -241,7 +256,11 @@ impl Treatments {
         smooth.collect_into_vec(&mut self.smooth);
         for (i, smooth) in self.smooth.iter().enumerate() {
             velocity[i] = smooth.xyz();
-            changed(i, (density[i], smooth.w));
+            let change = DensityChange {
+                before: density[i],
+                after: smooth.w,
+            };
+            changed(i, change);
             density[i] = smooth.w;
         }
     }
@@ -290,7 +309,7 @@ mod tests {
             assert!((displacement[centre + 1].x - 0.5 * mean).abs() < 1e-12);
 
             let volume = &body.points.volume;
-            treatments.smooth((&family, volume), &mut velocity, &mut density, |_, _| ());
+            treatments.smooth(&family, volume, &mut velocity, &mut density, |_, _| ());
             for point in [centre, centre + 1] {
                 assert!((velocity[point].x - mean).abs() < 1e-12, "{dimension}D");
                 assert!((density[point] - 2.0 - mean).abs() < 1e-12, "{dimension}D");

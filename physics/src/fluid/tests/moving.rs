@@ -223,13 +223,13 @@ fn smoothing_leaves_linear_fields_as_they_are() {
     let mut density: Vec<f64> = place.iter().map(linear).collect();
     let (v0, rho0) = (velocity.clone(), density.clone());
     let volume = &body.points.volume;
-    treatments.smooth((&family, volume), &mut velocity, &mut density, |_, _| ());
+    treatments.smooth(&family, volume, &mut velocity, &mut density, |_, _| ());
     for i in 0..v0.len() {
         // rounding of a solution by four
         assert!((velocity[i] - v0[i]).norm() < 1e-12 && (density[i] - rho0[i]).abs() < 1e-12);
     }
     density[100] += 1.0;
-    treatments.smooth((&family, volume), &mut velocity, &mut density, |_, _| ());
+    treatments.smooth(&family, volume, &mut velocity, &mut density, |_, _| ());
     assert!((density[100] - rho0[100]).abs() < 0.5, "a peak is smoothed");
 }
 
@@ -275,7 +275,7 @@ fn a_free_surface_needs_the_conservative_form() {
         let mut setup = perimelt_core::Setup::new(&mut world, std::path::Path::new("."));
         setup.next_plugin("fluid");
         let fluid: Fluid = read(&format!("state.tait.sound_speed = 1\n{keys}"));
-        let error = fluid.ready(&mut setup).err().expect(keys);
+        let error = FluidRun::prepare(fluid, &mut setup).expect_err(keys);
         assert_eq!(error.key, key, "{error}");
     }
 }

@@ -25,26 +25,27 @@
 //! fluid and wall is kept to rounding, bond by bond. Pressure acts along the bond or through the symmetric A_i, so that
 //! angular momentum is kept, too, with viscosity along bonds (`stress = "central"`).
 //!
-//! With `collisions`, points that pressure does not keep out collide with the wall ([`super::collision`]).
+//! With `collisions`, points that pressure does not keep out collide with the wall ([`crate::fluid::lagrangian::collision`]).
 //!
 //! Walls must be so thick that the fluid sees no fluid behind them: three rows of points, two with `influence =
 //! "wendland"` at a horizon of three spacings.
 
-mod ghosts;
+pub(super) mod interface;
+pub(super) mod wall_motion;
+
+pub(super) use wall_motion::WallMotion;
 
 use nalgebra::Vector3;
 use perimelt_core::family::{ForeignBonds, Places};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Access, BondKernel, Configuration, FamilySpec, Read, Report, Setup, SetupError, SlotField,
-    Wall, World, Write, keys,
+    Access, Bond, BondKernel, Configuration, FamilySpec, Read, Report, Setup, SetupError, Wall,
+    World, Write, keys,
 };
 
-use super::collision::{CollisionWall, FluidPoints};
-use super::immersed::Immersed;
-use super::interface::{Interface, NormalField};
-use super::treatments::Crowding;
-use super::wall_motion::WallMotion;
+use super::eulerian::immersed::Immersed;
+use crate::shape_tensor::is_diagonal;
+use interface::{Interface, NormalField};
 
 /// All walls of a fluid.
 #[derive(Debug, Default)]
@@ -63,54 +64,37 @@ pub(super) struct WallBody {
     motion: WallMotion,
     /// For a fluid whose points rest.
     pub(super) immersed: Option<Immersed>,
-    impulse: Write<Vector3<f64>>,
+    pub(super) impulse: Write<Vector3<f64>>,
     pub(super) bonds: ForeignBonds,
     pub(super) points: Vec<WallPoint>,
-    means: Vec<[f64; 7]>,
+    pub(super) means: Vec<[f64; 7]>,
     pressures: Vec<[f64; 2]>,
-    extra: Vec<[f64; 1]>,
+    pub(super) extra: Vec<[f64; 1]>,
     forces: Vec<[f64; 3]>,
     /// On the wall in the last step, N.
-    force: Vector3<f64>,
+    pub(super) force: Vector3<f64>,
     /// Masses of its points, kg; empty without a density.
-    mass: Vec<f64>,
+    pub(super) mass: Vec<f64>,
     normal: Option<NormalField>,
     /// Momentum (N s) and angular momentum (N m s) that collisions gave to the fluid in the last step.
-    collisions: [Vector3<f64>; 2],
+    pub(super) collisions: [Vector3<f64>; 2],
 }
 
 /// A point of a wall as a point of the fluid.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct WallPoint {
-    /// Of the wall, m/s.
+    /// Velocity of the wall, m/s.
     pub(super) velocity: Vector3<f64>,
-    /// For viscosity, m/s.
-    held: Vector3<f64>,
+    /// Velocity in the sums of viscosity, m/s.
+    pub(super) held: Vector3<f64>,
     /// kg/m³.
-    density: f64,
+    pub(super) density: f64,
     /// Pa s.
-    viscosity: f64,
+    pub(super) viscosity: f64,
     /// Pa.
-    pressure: f64,
-    /// Its compression that the fluid around it takes up, m/s.
-    compression: f64,
-}
-
-/// Fields of the fluid by slot, and what weighs on it.
-pub(super) struct FluidAtWall<'a, S: Fn(usize) -> usize + Sync, F: Fn(usize) -> Vector3<f64> + Sync>
-{
-    /// Slot of a point.
-    pub slot_of: S,
-    /// Components of the velocity, m/s.
-    pub velocity: &'a [SlotField],
-    /// kg/m³.
-    pub density: &'a [f64],
-    /// Pa s.
-    pub viscosity: &'a [f64],
-    /// Gradient of the density at rest, kg/m⁴, by point.
-    pub slope: F,
-    /// `a` of a complete family.
-    pub moment: f64,
+    pub(super) pressure: f64,
+    /// Compression that the fluid around the point takes up, m/s.
+    pub(super) compression: f64,
 }
 
 impl Walls {
@@ -184,29 +168,6 @@ impl Walls {
         }
     }
 
-    /// Lets fluid points that would penetrate walls collide with them, before they are displaced.
-    pub(super) fn collide(&mut self, world: &World, body: BodyIndex, mut fluid: FluidPoints<'_>) {
-        if self.is_empty() {
-            return;
-        }
-        let own = world.configuration(body);
-        let others: Vec<_> = (self.bodies.iter())
-            .map(|wall| world.configuration(wall.wall.other))
-            .collect();
-        let walls = self.bodies.iter().zip(&others);
-        let interfaces: Vec<_> = walls
-            .map(|(wall, other)| wall.interface(world, places(other)))
-            .collect();
-        let collide = |(number, wall): (usize, &WallBody)| {
-            wall.collide(world, own.positions(), (&interfaces, number), &mut fluid)
-        };
-        let found: Vec<_> = self.bodies.iter().enumerate().map(collide).collect();
-        for (wall, collisions) in self.bodies.iter_mut().zip(found) {
-            wall.force -= collisions[0] / fluid.dt;
-            wall.collisions = collisions;
-        }
-    }
-
     /// Momentum (N s) and angular momentum (N m s) that collisions with walls gave to the fluid in the last step.
     pub(super) fn collisions(&self) -> [Vector3<f64>; 2] {
         let sum = |k: usize| self.bodies.iter().map(|wall| wall.collisions[k]).sum();
@@ -223,15 +184,6 @@ impl Walls {
             }
             wall.set_normals(world, places(&other));
         }
-    }
-
-    /// Finds velocity, density, viscosity and compression of the ghosts.
-    pub(super) fn set_velocity<S, F>(&mut self, fluid: &FluidAtWall<'_, S, F>)
-    where
-        S: Fn(usize) -> usize + Sync,
-        F: Fn(usize) -> Vector3<f64> + Sync,
-    {
-        self.bodies.iter_mut().for_each(|w| w.set_velocity(fluid));
     }
 
     /// Finds the pressure of the ghosts from that of the fluid by slot (Pa) and the body force by point (N/m³).
@@ -255,25 +207,6 @@ impl Walls {
         }
     }
 
-    /// Adds the bonds to ghosts to the sums of a kernel of the velocity, one row of `O` for each point; `forces`: the
-    /// sums that are a force of viscosity, or its heat, which a wall with slip does not have.
-    pub(super) fn add_velocity<const D: usize, const I: usize, const O: usize>(
-        &self,
-        kernel: &impl BondKernel<I, O>,
-        own: impl Fn(usize) -> [f64; I] + Sync,
-        forces: std::ops::Range<usize>,
-        sums: &mut [[f64; O]],
-    ) {
-        let mut found = Vec::new();
-        for wall in &self.bodies {
-            wall.bonds.sum_by_owner(
-                |n| wall.velocity_part::<D, I, O>(n, kernel, &own, &forces),
-                &mut found,
-            );
-            wall.bonds.add_to_owners(&found, sums);
-        }
-    }
-
     /// Adds the weights of the bonds to ghosts, times their lengths and as they are, by point. A wall that yields
     /// raises the squared frequency of a bond by the ratio of the inertias, `1/m_i + 1/m_j` over `1/m_i`.
     pub(super) fn add_sums(&self, sums: &mut [[f64; 2]]) {
@@ -286,41 +219,6 @@ impl Walls {
             };
             wall.bonds.sum_by_owner(part, &mut found);
             wall.bonds.add_to_owners(&found, sums);
-        }
-    }
-
-    /// Adds the points of the walls to the sums of `kernel` over neighbours that count one each. A wall point counts as
-    /// its volume in those of a fluid point, so that a finer solid does not repel more.
-    pub(super) fn add_crowding(&self, kernel: &Crowding, sums: &mut [[f64; 6]]) {
-        let mut found = Vec::new();
-        for wall in &self.bodies {
-            let part = |n: usize| {
-                let (bond, ..) = wall.bonds.bond(n);
-                let [counted @ .., weight]: [f64; 6] = kernel.bond(bond, [], []);
-                let volumes = match bond.dual > 0.0 {
-                    true => bond.weight / bond.dual,
-                    false => 0.0,
-                };
-                let [length, number, x, y, z] = counted.map(|value| volumes * value);
-                [length, number, x, y, z, weight]
-            };
-            wall.bonds.sum_by_owner(part, &mut found);
-            wall.bonds.add_to_owners(&found, sums);
-        }
-    }
-
-    /// Passes each fluid point at a wall, with the compression of ghosts that it takes up (1/s), to `receive`.
-    pub(super) fn for_each_compression(&mut self, mut receive: impl FnMut(usize, f64)) {
-        for wall in &mut self.bodies {
-            let (bonds, points) = (&wall.bonds, &wall.points);
-            let part = |n: usize| {
-                let (bond, _, ghost) = bonds.bond(n);
-                [bond.weight * points[ghost.point].compression]
-            };
-            bonds.sum_by_owner(part, &mut wall.extra);
-            for (&owner, [extra]) in bonds.owners().iter().zip(&wall.extra) {
-                receive(owner as usize, *extra);
-            }
         }
     }
 
@@ -381,8 +279,8 @@ impl Walls {
     }
 
     /// What a resumed run must know of the walls.
-    pub(super) fn motions(&self) -> Vec<&WallMotion> {
-        self.bodies.iter().map(|w| &w.motion).collect()
+    pub(super) fn motions(&self) -> Vec<WallMotion> {
+        self.bodies.iter().map(|w| w.motion.clone()).collect()
     }
 
     /// Restores what [`Walls::motions`] gave.
@@ -406,7 +304,7 @@ impl Walls {
     }
 }
 
-fn places(configuration: &Configuration) -> Places<'_> {
+pub(super) fn places(configuration: &Configuration) -> Places<'_> {
     Places {
         positions: configuration.positions(),
         volumes: configuration.volumes(),
@@ -414,7 +312,7 @@ fn places(configuration: &Configuration) -> Places<'_> {
 }
 
 impl WallBody {
-    fn interface<'a>(&'a self, world: &World, solid: Places<'a>) -> Interface<'a> {
+    pub(super) fn interface<'a>(&'a self, world: &World, solid: Places<'a>) -> Interface<'a> {
         let solid_body = world.body(self.wall.other);
         Interface {
             bonds: &self.bonds,
@@ -435,35 +333,20 @@ impl WallBody {
         normal.set(world, &self.interface(world, solid));
     }
 
-    /// Lets points of the fluid collide with the wall; returns the momentum (N s) and angular momentum (N m s) that they get.
-    fn collide(
+    /// What a bond adds to the force of the pressure on its fluid point, N/m³.
+    pub(in crate::fluid) fn pressure_part<const I: usize, const D: usize>(
         &self,
-        world: &World,
-        places_of_fluid: &[Vector3<f64>],
-        (interfaces, number): (&[Interface<'_>], usize),
-        fluid: &mut FluidPoints<'_>,
-    ) -> [Vector3<f64>; 2] {
-        let solid = world.body(self.wall.other);
-        let moves_as_one = world.is_rigid(self.wall.other) || self.mass.is_empty();
-        let wall = CollisionWall {
-            interfaces,
-            number,
-            spacing: solid.finest_spacing(),
-            mass: (!moves_as_one).then_some(&self.mass[..]),
-        };
-        let mut velocity: Vec<_> = self.points.iter().map(|p| p.velocity).collect();
-        let mut impulses = Vec::new();
-        let mut collisions = [Vector3::zeros(); 2];
-        wall.collide(fluid, &mut velocity, &mut impulses, |hit| {
-            collisions[0] += hit.impulse;
-            collisions[1] += places_of_fluid[hit.point].cross(&hit.impulse);
+        number: usize,
+        kernel: &impl BondKernel<I, D>,
+        own: &impl Fn(usize) -> [f64; I],
+        moment: f64,
+    ) -> [f64; D] {
+        let (bond, point, ghost): (&Bond, _, _) = self.bonds.bond(number);
+        let other = std::array::from_fn(|i| match i {
+            0 => self.points[ghost.point].pressure,
+            _ if is_diagonal(i - 1) => 1.0 / moment,
+            _ => 0.0,
         });
-        if !impulses.is_empty() {
-            let mut sink = world.write(self.impulse);
-            for (point, taken) in impulses {
-                sink[point] += taken / solid.points.volume[point];
-            }
-        }
-        collisions
+        kernel.bond(bond, own(point), other)
     }
 }

@@ -31,7 +31,7 @@ use perimelt_core::family::ForeignBonds;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::interface::{Interface, wall_normal};
+use crate::fluid::walls::interface::{Interface, wall_normal};
 
 /// Distance of a point that collides from the nearest point of a wall at most, in the half diagonal of a cell of the wall.
 const NEAREST: f64 = 1.1;
@@ -64,7 +64,7 @@ impl Default for Collisions {
 }
 
 impl Collisions {
-    pub(super) fn check(&self) -> Result<(), SetupError> {
+    pub(in crate::fluid) fn check(&self) -> Result<(), SetupError> {
         let numbers = [
             ("collisions.restitution", self.restitution),
             ("collisions.distance", self.distance),
@@ -81,35 +81,35 @@ impl Collisions {
 }
 
 /// Points of the fluid during a step.
-pub(super) struct FluidPoints<'a> {
+pub(in crate::fluid) struct FluidPoints<'a> {
     /// m/s.
-    pub(super) velocity: &'a mut [Vector3<f64>],
+    pub(in crate::fluid) velocity: &'a mut [Vector3<f64>],
     /// kg.
-    pub(super) mass: &'a [f64],
+    pub(in crate::fluid) mass: &'a [f64],
     /// Pa.
-    pub(super) pressure: &'a [f64],
-    pub(super) rule: Collisions,
-    /// Of the step, s.
-    pub(super) dt: f64,
+    pub(in crate::fluid) pressure: &'a [f64],
+    pub(in crate::fluid) rule: Collisions,
+    /// Size of the step, s.
+    pub(in crate::fluid) dt: f64,
 }
 
 /// A wall as collisions see it.
-pub(super) struct CollisionWall<'a> {
+pub(in crate::fluid) struct CollisionWall<'a> {
     /// All walls of the fluid.
-    pub(super) interfaces: &'a [Interface<'a>],
+    pub(in crate::fluid) interfaces: &'a [Interface<'a>],
     /// Place of this wall among them.
-    pub(super) number: usize,
+    pub(in crate::fluid) number: usize,
     /// Spacing of the wall, m.
-    pub(super) spacing: f64,
+    pub(in crate::fluid) spacing: f64,
     /// Masses of its points, kg; `None` for a rigid body.
-    pub(super) mass: Option<&'a [f64]>,
+    pub(in crate::fluid) mass: Option<&'a [f64]>,
 }
 
 /// An impulse (N s) on a fluid point; the wall has the opposite.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Hit {
-    pub(super) point: usize,
-    pub(super) impulse: Vector3<f64>,
+pub(in crate::fluid) struct Hit {
+    pub(in crate::fluid) point: usize,
+    pub(in crate::fluid) impulse: Vector3<f64>,
 }
 
 /// Fraction of an impulse that a point of the wall, seen through a bond, takes.
@@ -126,7 +126,7 @@ impl CollisionWall<'_> {
 
     /// Lets points of the fluid collide with the wall, whose points have these velocities (m/s). Appends the impulses on
     /// points of the wall to `impulses` (N s) and passes each one on the fluid to `receive`.
-    pub(super) fn collide(
+    pub(in crate::fluid) fn collide(
         &self,
         fluid: &mut FluidPoints<'_>,
         velocity: &mut [Vector3<f64>],
@@ -157,7 +157,7 @@ impl CollisionWall<'_> {
                 true => 0.0,
                 false => fluid.rule.restitution,
             };
-            let impulse = impulse(approach, (fluid.mass[point], mobility), restitution) * normal;
+            let impulse = impulse(approach, fluid.mass[point], mobility, restitution) * normal;
             fluid.velocity[point] += impulse / fluid.mass[point];
             for part in &parts {
                 let (_, _, ghost) = bonds.bond(part.bond);
@@ -198,13 +198,13 @@ impl CollisionWall<'_> {
             return None;
         }
         let all = bonds.bonds_of(owner);
-        Some((normal, distribute(bonds, all, (&normal, nearest))))
+        Some((normal, distribute(bonds, all, &normal, nearest)))
     }
 }
 
 /// Impulse (N s) of a collision with this relative velocity (m/s), from the mass of one body (kg) and the inverse of the
 /// other one's (1/kg).
-fn impulse(approach: f64, (mass, mobility): (f64, f64), restitution: f64) -> f64 {
+fn impulse(approach: f64, mass: f64, mobility: f64, restitution: f64) -> f64 {
     -(1.0 + restitution) * approach * mass / (1.0 + mass * mobility)
 }
 
@@ -213,7 +213,8 @@ fn impulse(approach: f64, (mass, mobility): (f64, f64), restitution: f64) -> f64
 fn distribute(
     bonds: &ForeignBonds,
     all: std::ops::Range<usize>,
-    (normal, nearest): (&Vector3<f64>, usize),
+    normal: &Vector3<f64>,
+    nearest: usize,
 ) -> Vec<Part> {
     let scale = bonds.bond(nearest).0.length;
     // 1 and the way along the wall
@@ -275,7 +276,7 @@ mod tests {
         meet_under((before, 0.0), wall, mass, angle)
     }
 
-    /// As [`meet`], with a pressure (Pa) of the fluid point.
+    /// What [`meet`] finds where the fluid point has a pressure (Pa).
     fn meet_under(
         (before, pressure): ([f64; 2], f64),
         wall: f64,
@@ -418,7 +419,7 @@ mod tests {
             (0.5, 0.0, -3.0 * 1.0),
             (0.25, 0.5, -1.5 * 3.0 * 2.0 * 4.0 / 6.0),
         ] {
-            let found = impulse(3.0, (2.0, mobility), restitution);
+            let found = impulse(3.0, 2.0, mobility, restitution);
             assert!(
                 (found - expected).abs() < 1e-12,
                 "{mobility} {restitution}: {found}"

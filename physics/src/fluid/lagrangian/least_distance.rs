@@ -21,7 +21,7 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::{Body, Face, Family};
 use rayon::prelude::*;
 
-use super::rates::POINTS_PER_TASK;
+use crate::fluid::rates::POINTS_PER_TASK;
 
 /// Largest number of sweeps over all pairs in a step. Where fewer are needed, as usual, no more are made.
 const SWEEPS: usize = 200;
@@ -30,19 +30,19 @@ const SWEEPS: usize = 200;
 const TOLERANCE: f64 = 1e-6;
 
 /// Points of a fluid that keep a distance.
-pub(super) struct DistantPoints<'a> {
-    pub(super) body: &'a Body,
-    pub(super) family: &'a Family,
+pub(in crate::fluid) struct DistantPoints<'a> {
+    pub(in crate::fluid) body: &'a Body,
+    pub(in crate::fluid) family: &'a Family,
     /// How the velocity continues behind faces: which of them are closed.
-    pub(super) rules: &'a [LayerRule],
+    pub(in crate::fluid) rules: &'a [LayerRule],
     /// Now, m.
-    pub(super) position: &'a [Vector3<f64>],
+    pub(in crate::fluid) position: &'a [Vector3<f64>],
     /// kg.
-    pub(super) mass: &'a [f64],
+    pub(in crate::fluid) mass: &'a [f64],
     /// m.
-    pub(super) distance: f64,
-    /// Of the step, s.
-    pub(super) dt: f64,
+    pub(in crate::fluid) distance: f64,
+    /// Size of the step, s.
+    pub(in crate::fluid) dt: f64,
 }
 
 /// Two points that may collide.
@@ -70,7 +70,7 @@ struct AtFace {
 
 impl DistantPoints<'_> {
     /// Takes the approach of points that would come too close to each other or to a closed face in this step.
-    pub(super) fn keep(&self, velocity: &mut [Vector3<f64>]) {
+    pub(in crate::fluid) fn keep(&self, velocity: &mut [Vector3<f64>]) {
         let square = velocity.par_iter().map(Vector3::norm_squared);
         let fastest = square.reduce(|| 0.0, f64::max).sqrt();
         let (pairs, at_faces) = (self.pairs(fastest), self.at_faces(fastest));

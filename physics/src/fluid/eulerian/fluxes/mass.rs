@@ -4,8 +4,8 @@ use perimelt_core::SlotField;
 use perimelt_core::family::Mirrored;
 use rayon::prelude::*;
 
-use super::Fluxes;
-use super::kernels::In;
+use super::kernels::{FlowInputs, In};
+use super::{FlowNow, Fluxes};
 use crate::fluid::rates::{POINTS_PER_TASK, Terms};
 
 impl Fluxes {
@@ -59,7 +59,7 @@ impl Fluxes {
         }
         self.slopes = slopes;
         let inputs: [&[f64]; I] = std::array::from_fn(|i| match i {
-            _ if i < D => &self.flux[i][..],
+            _ if i < FlowInputs::<D>::DENSITY => &self.flux[i][..],
             _ => &self.density,
         });
         let kernel = In::<D, _>(self.outflow_kernel(terms));
@@ -74,12 +74,12 @@ impl Fluxes {
     }
 
     /// Finds density and flux of mass in the middle of the step.
-    pub(super) fn find_mass<const D: usize, const I: usize>(
-        &mut self,
-        terms: &Terms<'_>,
-        density: &[f64],
-        velocity: &[SlotField],
-    ) {
+    pub(super) fn find_mass<const D: usize, const I: usize>(&mut self, flow: &FlowNow<'_>) {
+        let FlowNow {
+            terms,
+            velocity,
+            density,
+        } = *flow;
         self.find_outflow::<D, I>(terms, density, velocity);
         let mut middle = std::mem::take(&mut self.middle_density);
         let half = 0.5 * terms.dt;

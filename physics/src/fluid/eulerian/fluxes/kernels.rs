@@ -4,6 +4,34 @@ use perimelt_core::{Bond, BondKernel};
 
 use crate::shape_tensor::{COMPONENTS, components, is_diagonal};
 
+/// Where the inputs of [`Outflow`] and [`Carry`] begin: the flux of mass `m + D s`, density, velocity; and how many each has.
+pub(super) struct FlowInputs<const D: usize>;
+
+impl<const D: usize> FlowInputs<D> {
+    pub(super) const DENSITY: usize = D;
+    pub(super) const VELOCITY: usize = Self::DENSITY + 1;
+    pub(super) const OUTFLOW: usize = Self::VELOCITY;
+    pub(super) const CARRY: usize = Self::VELOCITY + D;
+}
+
+/// Where the inputs of [`Viscosity`] and [`MappedViscosity`] begin: velocity, viscosity, tensor Q; and how many each has.
+pub(in crate::fluid) struct ViscosityInputs<const D: usize>;
+
+impl<const D: usize> ViscosityInputs<D> {
+    pub(in crate::fluid) const VISCOSITY: usize = D;
+    pub(in crate::fluid) const STRETCH: usize = Self::VISCOSITY + 1;
+    pub(super) const PLAIN: usize = Self::STRETCH;
+    pub(super) const MAPPED: usize = Self::STRETCH + components(D);
+}
+
+/// Where the sums of [`Viscosity`] begin: force, work.
+pub(super) struct ViscositySums<const D: usize>;
+
+impl<const D: usize> ViscositySums<D> {
+    pub(super) const WORK: usize = D;
+    pub(super) const COUNT: usize = Self::WORK + 1;
+}
+
 /// `sum_j N_ij`, from `m + D s` and density.
 pub(super) struct Outflow {
     /// `1 / a`, 1/m.
@@ -20,8 +48,9 @@ impl Outflow {
         own: &[f64; I],
         other: &[f64; I],
     ) -> f64 {
+        let density = FlowInputs::<D>::DENSITY;
         let carried: f64 = (0..D).map(|a| (own[a] + other[a]) * bond.xi[a]).sum();
-        bond.weight * self.inverse * (carried - self.diffusion * (other[D] - own[D]))
+        bond.weight * self.inverse * (carried - self.diffusion * (other[density] - own[density]))
     }
 }
 
@@ -42,7 +71,8 @@ impl<const D: usize, const I: usize> BondKernel<I, D> for In<D, Carry> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; D] {
         let half = 0.5 * self.0.0.flux::<D, I>(bond, &own, &other);
-        std::array::from_fn(|a| half * (own[D + 1 + a] + other[D + 1 + a]))
+        let velocity = FlowInputs::<D>::VELOCITY;
+        std::array::from_fn(|a| half * (own[velocity + a] + other[velocity + a]))
     }
 }
 
@@ -55,13 +85,14 @@ pub(super) struct Viscosity<const D: usize> {
 impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Viscosity<D> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
-        let viscous = 0.5 * bond.weight * self.laplacian * (own[D] + other[D]);
+        let viscosity = ViscosityInputs::<D>::VISCOSITY;
+        let viscous = 0.5 * bond.weight * self.laplacian * (own[viscosity] + other[viscosity]);
         let mut sums = [0.0; O];
         for a in 0..D {
             let difference = other[a] - own[a];
             sums[a] = viscous * difference;
             // each end gets half of the work of the pair
-            sums[D] += 0.5 * sums[a] * difference;
+            sums[ViscositySums::<D>::WORK] += 0.5 * sums[a] * difference;
         }
         sums
     }
@@ -81,7 +112,7 @@ impl<const D: usize> BondKernel<1, D> for Push {
     }
 }
 
-/// As [`Viscosity`] with the tensor of a mapping ([`crate::fluid::point_motion`]): from velocity, viscosity and the tensor Q, by which the
+/// [`Viscosity`] with the tensor of a mapping ([`crate::fluid::eulerian::point_motion`]): from velocity, viscosity and the tensor Q, by which the
 /// weight of a bond along n is `w (1 + n . Q n)`.
 pub(super) struct MappedViscosity<const D: usize> {
     /// `2 / a`, 1/m.
@@ -94,7 +125,8 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Mapped
         let mut stretch = 0.0;
         for (n, &(a, b)) in COMPONENTS[..components(D)].iter().enumerate() {
             let times = if is_diagonal(n) { 0.5 } else { 1.0 };
-            let mean = times * (own[D + 1 + n] + other[D + 1 + n]);
+            let q = ViscosityInputs::<D>::STRETCH + n;
+            let mean = times * (own[q] + other[q]);
             stretch += mean * bond.xi[a] * bond.xi[b];
         }
         let factor = 1.0 + stretch * bond.inverse_length * bond.inverse_length;

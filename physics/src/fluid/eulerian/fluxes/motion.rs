@@ -6,6 +6,8 @@ use perimelt_core::family::Mirrored;
 
 use super::Fluxes;
 use super::kernels::{In, MappedPush, Outflow};
+#[cfg(test)]
+use super::{OUTFLOW_2D, OUTFLOW_3D};
 
 impl Fluxes {
     /// A gradient (of x) at a point as one of the lattice.
@@ -90,8 +92,8 @@ impl Fluxes {
             motion.displace(family, dt, by);
         }
         match self.dimension {
-            2 => self.find_swept::<2, 3>(),
-            _ => self.find_swept::<3, 4>(),
+            2 => self.find_swept::<2, OUTFLOW_2D>(),
+            _ => self.find_swept::<3, OUTFLOW_3D>(),
         }
     }
 

@@ -6,12 +6,13 @@ use perimelt_core::body::{Body, Store};
 use perimelt_core::family::{ByRules, LayerRule};
 use perimelt_core::{Axis, Face, Family, FamilySpec, Influence, Pddo, SlotField};
 
-use super::fluxes::Fluxes;
-use super::medium::{Coefficient, Medium};
-use super::point_motion::PointMotion;
-use super::rates::{Rates, Terms};
-use super::state::{State, Tait};
-use super::walls::Walls;
+use super::PointMotion;
+use crate::advection::Convection;
+use crate::fluid::eulerian::fluxes::{FluxDomain, Fluxes};
+use crate::fluid::medium::{Coefficient, Medium};
+use crate::fluid::rates::{Rates, Terms};
+use crate::fluid::state::{State, Tait};
+use crate::fluid::walls::Walls;
 use crate::shape_tensor::CompleteFamily;
 use crate::testing::block;
 
@@ -42,8 +43,13 @@ impl Channel {
         let complete = CompleteFamily::of(&body, &family);
         let motion = PointMotion::prepare(&body, &family, &[]).expect("a lattice");
         let points = body.points.len();
-        let walls = (Walls::default(), Some(motion));
-        let rates = Fluxes::new(family.clone(), (dimension, points), complete, walls);
+        let domain = FluxDomain {
+            family: family.clone(),
+            complete,
+            walls: Walls::default(),
+            motion: Some(motion),
+        };
+        let rates = Fluxes::new(Convection::Hybrid, &body, domain);
         let mut viscosity = Coefficient::new(Vec::new(), &vec![0; points]);
         viscosity.value.fill(3.0);
         let state = State::Tait(Tait {
@@ -81,9 +87,6 @@ impl Channel {
             medium: &self.medium,
             force: None,
             density_diffusion: 0.1,
-            volume_relaxation: 0.0,
-            compressible: false,
-            convection: Some(super::Convection::Hybrid),
             acceleration_fraction: 1.0,
             rules: &self.rules,
             dt,
@@ -93,6 +96,7 @@ impl Channel {
             let along = |point: usize| velocity[point][axis];
             slots.load(&self.family, along, ByRules(&self.rules, axis));
         }
+        self.rates.set_viscosity(&self.medium);
         self.rates.set_velocity(&slots, density, &terms);
         act(&mut self.rates, &terms);
     }
@@ -128,13 +132,12 @@ fn a_uniform_flow_stays_uniform_however_the_points_move() {
             fluid.rates.displace_points(&family, dt, to);
             let (mut rho, mut v) = (density.clone(), velocity.clone());
             fluid.set((&density, &velocity), dt, |rates, terms| {
-                rates.advance_density(terms, dt, (&mut rho, &mut pressure));
+                rates.advance_density(terms, &mut rho, &mut pressure);
                 rates.set_pressure(&pressure, None);
-                rates.carry(terms, dt, &v.clone(), &rho);
                 rates.advance_velocity(terms, dt, &mut v, &rho);
             });
             (density, velocity) = (rho, v);
-            let full = fluid.rates.fullness().expect("volumes");
+            let full = &fluid.rates.fullness;
             mass = full.iter().zip(&density).map(|(f, rho)| f * rho).sum();
             let spread = full.iter().fold(0.0_f64, |m, f| m.max((f - 1.0).abs()));
             assert!(step < 5 || spread > 0.03, "volumes change: {spread}");
@@ -169,7 +172,7 @@ fn error_of_forces(n: usize) -> f64 {
     fluid.set((&density, &velocity), 1e-9, |rates, terms| {
         rates.set_pressure(&pressure, None);
         rates.carry(terms, 0.0, &velocity, &density);
-        rates.advance_velocity(terms, 1.0, &mut found, &density);
+        rates.accelerate(terms, 1.0, &mut found, &density);
     });
     let force = |(x, v): (&Vector3<f64>, &Vector3<f64>)| {
         let push = TAU * (TAU * x.x).sin();
@@ -240,7 +243,7 @@ fn short_waves_decay_by_the_diffusivity_that_they_lack() {
     fluid.set((&density, &velocity), 1e-9, |rates, terms| {
         rates.set_pressure(&vec![0.0; places.len()], None);
         rates.carry(terms, 0.0, &velocity, &density);
-        rates.advance_velocity(terms, 1.0, &mut found, &density);
+        rates.accelerate(terms, 1.0, &mut found, &density);
     });
     // the sum of the weights of the Laplacian of a point within, 1/m²
     let (mut content, mut moment) = (0.0, 0.0);

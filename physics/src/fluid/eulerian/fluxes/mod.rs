@@ -12,15 +12,15 @@
 //! ```
 //!
 //! with the density diffusion D, the slope s of the hydrostatic density, and values in the middle of the step marked by a
-//! star, as in [`super::convection`]. Each is opposite at the two ends of a bond: mass and momentum are kept to rounding, and
+//! star, as in [`crate::fluid::eulerian::carried_flow`]. Each is opposite at the two ends of a bond: mass and momentum are kept to rounding, and
 //! since `sum_j w xi V_j = 0` the flux of mass is the adjoint of the force of the pressure, so that the work of the pressure is
-//! the energy of compression. Uniform fields stay uniform. Viscosity is pairwise as in [`super::conservative`].
+//! the energy of compression. Uniform fields stay uniform. Viscosity is pairwise as in [`crate::fluid::lagrangian::conservative`].
 //!
 //! A wall that moves displaces fluid. The points of the lattice keep their places and their weight in the sums, but the
 //! volume of fluid around them, the fraction `fullness` of a cell, changes; `rho` is the density in that volume. Where the points
-//! follow the walls, the sums are those of [`super::point_motion`].
+//! follow the walls, the sums are those of [`crate::fluid::eulerian::point_motion`].
 
-mod kernels;
+pub(super) mod kernels;
 mod mass;
 mod momentum;
 mod motion;
@@ -31,36 +31,39 @@ use nalgebra::Vector3;
 use perimelt_core::family::Rising;
 use perimelt_core::pddo::largest_wave_number;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Family, PddoError, SlotField, World};
+use perimelt_core::{Body, Family, SlotField, World};
 use rayon::prelude::*;
 
-use kernels::{MappedViscosity, Outflow, Viscosity};
+use kernels::{FlowInputs, MappedViscosity, Outflow, Viscosity, ViscosityInputs, ViscositySums};
 use momentum::ShortWaveWork;
 
+use crate::advection::Convection;
 use crate::shape_tensor::CompleteFamily;
 
-use super::immersed::ImmersedFlow;
-use super::medium::Medium;
-use super::point_motion::PointMotion;
-use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
-use super::walls::Walls;
+use crate::fluid::eulerian::immersed::ImmersedFlow;
+use crate::fluid::eulerian::point_motion::PointMotion;
+use crate::fluid::medium::Medium;
+use crate::fluid::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
+use crate::fluid::state::DensityChange;
+use crate::fluid::walls::Walls;
 
 /// Rate of the Laplacian at walls over that of a complete family: values behind them are extrapolated.
 const AT_WALLS: f64 = 1.5;
 
 /// Rates of the conservative form at points at rest.
 #[derive(Debug)]
-pub(super) struct Fluxes {
+pub(in crate::fluid) struct Fluxes {
+    convection: Convection,
     dimension: usize,
     family: Arc<Family>,
     complete: CompleteFamily,
-    walls: Walls,
-    /// Where points follow the walls.
-    motion: Option<PointMotion>,
+    pub(super) walls: Walls,
+    /// Motion of points that follow the walls.
+    pub(super) motion: Option<PointMotion>,
     /// Slot of each point.
     slot: Vec<u32>,
     /// Volume of the fluid at a point over that of its cell.
-    fullness: Vec<f64>,
+    pub(in crate::fluid) fullness: Vec<f64>,
     /// Rate at which it changes, 1/s.
     swept: Vec<[f64; 1]>,
     /// By slot: of mass, kg/(m² s), and with `D s`.
@@ -87,15 +90,38 @@ pub(super) struct Fluxes {
     short_wave_work: ShortWaveWork,
 }
 
+const OUTFLOW_2D: usize = FlowInputs::<2>::OUTFLOW;
+const OUTFLOW_3D: usize = FlowInputs::<3>::OUTFLOW;
+const CARRY_2D: usize = FlowInputs::<2>::CARRY;
+const CARRY_3D: usize = FlowInputs::<3>::CARRY;
+const PLAIN_2D: usize = ViscosityInputs::<2>::PLAIN;
+const PLAIN_3D: usize = ViscosityInputs::<3>::PLAIN;
+const MAPPED_2D: usize = ViscosityInputs::<2>::MAPPED;
+const MAPPED_3D: usize = ViscosityInputs::<3>::MAPPED;
+const VISCOUS_2D: usize = ViscositySums::<2>::COUNT;
+const VISCOUS_3D: usize = ViscositySums::<3>::COUNT;
+
+/// What sums are taken over.
+pub(in crate::fluid) struct FluxDomain {
+    pub(in crate::fluid) family: Arc<Family>,
+    pub(in crate::fluid) complete: CompleteFamily,
+    pub(in crate::fluid) walls: Walls,
+    /// Motion of points that follow the walls.
+    pub(in crate::fluid) motion: Option<PointMotion>,
+}
+
 impl Fluxes {
-    /// `points` of them; `walls` complete their families.
-    pub(super) fn new(
-        family: Arc<Family>,
-        (dimension, points): (usize, usize),
-        complete: CompleteFamily,
-        (walls, motion): (Walls, Option<PointMotion>),
-    ) -> Self {
+    /// Rates of the points of `body`, whose families walls complete.
+    pub(in crate::fluid) fn new(convection: Convection, body: &Body, domain: FluxDomain) -> Self {
+        let FluxDomain {
+            family,
+            complete,
+            walls,
+            motion,
+        } = domain;
+        let (dimension, points) = (body.dimension, body.points.len());
         Fluxes {
+            convection,
             dimension,
             slot: (0..points).map(|i| family.slot_of(i) as u32).collect(),
             fullness: vec![1.0; points],
@@ -166,7 +192,8 @@ impl Fluxes {
         &self,
         terms: &Terms<'_>,
         i: usize,
-        (velocity, density): (&Vector3<f64>, f64),
+        velocity: &Vector3<f64>,
+        density: f64,
     ) -> Vector3<f64> {
         let d = self.dimension;
         let mass = density * self.fullness[i];
@@ -182,65 +209,92 @@ impl Fluxes {
     }
 }
 
-impl Rates for Fluxes {
-    fn family(&self) -> &Family {
-        &self.family
-    }
+/// The flow as last set.
+pub(super) struct FlowNow<'a> {
+    terms: &'a Terms<'a>,
+    /// Components by slot, m/s.
+    velocity: &'a [SlotField],
+    /// By point, kg/m³.
+    density: &'a [f64],
+}
 
-    fn follow(
-        &mut self,
-        _positions: &[Vector3<f64>],
-        _family: &dyn Fn() -> Arc<Family>,
-    ) -> Result<(), PddoError> {
-        Ok(())
-    }
-
-    fn follow_walls(&mut self, world: &World, body: BodyIndex, dt: f64) {
+impl Fluxes {
+    /// Takes positions and velocities of the bodies that are walls for the fluid of `body`, and lets points follow them in a
+    /// step of `dt` (s).
+    pub(super) fn follow_walls(&mut self, world: &World, body: BodyIndex, dt: f64) {
         self.walls.follow(world, body);
         self.move_points(dt);
         match self.dimension {
-            2 => self.find_swept::<2, 3>(),
-            _ => self.find_swept::<3, 4>(),
+            2 => self.find_swept::<2, OUTFLOW_2D>(),
+            _ => self.find_swept::<3, OUTFLOW_3D>(),
         }
     }
 
-    fn motion(&self) -> Option<&PointMotion> {
-        self.motion.as_ref()
-    }
-
-    fn motion_mut(&mut self) -> Option<&mut PointMotion> {
-        self.motion.as_mut()
-    }
-
-    fn give_impulses(&mut self, world: &World, _velocity: &[SlotField], time: f64) {
-        let (laplacian, to) = (2.0 * self.inverse(), (world, time));
+    /// Gives the walls the opposite of what they do to the fluid in a time, s.
+    pub(super) fn give_impulses(&mut self, world: &World, time: f64) {
+        let laplacian = 2.0 * self.inverse();
         match (self.dimension, self.motion.is_some()) {
             _ if self.walls.is_empty() => (),
-            (2, false) => self.give::<2, 3, 3>(Viscosity::<2> { laplacian }, to),
-            (2, true) => self.give::<2, 6, 3>(MappedViscosity::<2> { laplacian }, to),
-            (_, false) => self.give::<3, 4, 4>(Viscosity::<3> { laplacian }, to),
-            (_, true) => self.give::<3, 10, 4>(MappedViscosity::<3> { laplacian }, to),
+            (2, false) => {
+                self.give::<2, PLAIN_2D, VISCOUS_2D>(Viscosity::<2> { laplacian }, world, time)
+            }
+            (2, true) => self.give::<2, MAPPED_2D, VISCOUS_2D>(
+                MappedViscosity::<2> { laplacian },
+                world,
+                time,
+            ),
+            (_, false) => {
+                self.give::<3, PLAIN_3D, VISCOUS_3D>(Viscosity::<3> { laplacian }, world, time)
+            }
+            (_, true) => self.give::<3, MAPPED_3D, VISCOUS_3D>(
+                MappedViscosity::<3> { laplacian },
+                world,
+                time,
+            ),
         }
     }
 
-    fn observe_walls(&mut self, world: &World, body: BodyIndex) {
-        self.walls.observe(world, body);
+    /// Finds what the flow carries in the middle of the next advance of the velocity by a time (s); after velocity and pressure.
+    pub(super) fn carry(
+        &mut self,
+        terms: &Terms<'_>,
+        time: f64,
+        velocity: &[Vector3<f64>],
+        density: &[f64],
+    ) {
+        match self.dimension {
+            2 => self.carry_in::<2, CARRY_2D>(terms, time, velocity, density),
+            _ => self.carry_in::<3, CARRY_3D>(terms, time, velocity, density),
+        }
     }
 
-    fn walls(&self) -> Option<&Walls> {
-        Some(&self.walls)
+    /// Advances the velocity by a time (s) with what the flow carries.
+    pub(super) fn accelerate(
+        &self,
+        terms: &Terms<'_>,
+        time: f64,
+        velocity: &mut [Vector3<f64>],
+        density: &[f64],
+    ) {
+        let time = time * terms.acceleration_fraction;
+        let points = velocity.par_iter_mut().enumerate();
+        points.with_min_len(POINTS_PER_TASK).for_each(|(i, v)| {
+            *v += time * self.acceleration(terms, i, v, density[i]);
+        });
     }
 
-    fn walls_mut(&mut self) -> Option<&mut Walls> {
-        Some(&mut self.walls)
+    /// Copies the flux of mass to points, kg/(m² s).
+    pub(super) fn mass_flux(&self, flux: &mut [Vector3<f64>]) {
+        let points = flux.par_iter_mut().zip(&self.slot);
+        points.with_min_len(POINTS_PER_TASK).for_each(|(m, slot)| {
+            *m = Vector3::from_fn(|a, _| self.mass.get(a).map_or(0.0, |m| m[*slot as usize]));
+        });
     }
+}
 
-    fn fullness(&self) -> Option<&Vec<f64>> {
-        Some(&self.fullness)
-    }
-
-    fn set_fullness(&mut self, fullness: Vec<f64>) {
-        self.fullness = fullness;
+impl Rates for Fluxes {
+    fn family(&self) -> &Family {
+        &self.family
     }
 
     fn stability(&self) -> Stability {
@@ -256,8 +310,9 @@ impl Rates for Fluxes {
         }
     }
 
-    /// The viscosity is copied to slots together with the velocity.
-    fn set_viscosity(&mut self, _medium: &Medium) {}
+    fn set_viscosity(&mut self, medium: &Medium) {
+        medium.viscosity.load(&self.family, &mut self.viscosity);
+    }
 
     fn set_velocity(&mut self, velocity: &[SlotField], density: &[f64], terms: &Terms<'_>) {
         let mut by_slot = std::mem::take(&mut self.density);
@@ -266,33 +321,40 @@ impl Rates for Fluxes {
         });
         by_slot.load(&self.family, density, hydrostatic);
         self.density = by_slot;
-        let viscosity = &terms.medium.viscosity;
-        viscosity.load(&self.family, &mut self.viscosity);
-        let (laplacian, fluid) = (2.0 * self.inverse(), (terms, density));
+        let flow = FlowNow {
+            terms,
+            velocity,
+            density,
+        };
+        let laplacian = 2.0 * self.inverse();
         match (self.dimension, self.motion.is_some()) {
             (2, false) => {
-                self.find_viscosity::<2, 3, 3>(Viscosity::<2> { laplacian }, fluid, velocity);
+                self.find_viscosity::<2, PLAIN_2D, VISCOUS_2D>(Viscosity::<2> { laplacian }, &flow)
             }
             (2, true) => {
-                let kernel = MappedViscosity::<2> { laplacian };
-                self.find_viscosity::<2, 6, 3>(kernel, fluid, velocity);
+                self.find_viscosity::<2, MAPPED_2D, VISCOUS_2D>(
+                    MappedViscosity::<2> { laplacian },
+                    &flow,
+                );
             }
             (_, false) => {
-                self.find_viscosity::<3, 4, 4>(Viscosity::<3> { laplacian }, fluid, velocity);
+                self.find_viscosity::<3, PLAIN_3D, VISCOUS_3D>(Viscosity::<3> { laplacian }, &flow)
             }
             (_, true) => {
-                let kernel = MappedViscosity::<3> { laplacian };
-                self.find_viscosity::<3, 10, 4>(kernel, fluid, velocity);
+                self.find_viscosity::<3, MAPPED_3D, VISCOUS_3D>(
+                    MappedViscosity::<3> { laplacian },
+                    &flow,
+                );
             }
         }
         match self.dimension {
             2 => {
-                self.find_short_waves::<2>((terms, density), velocity);
-                self.find_mass::<2, 3>(terms, density, velocity);
+                self.find_short_waves::<2>(&flow);
+                self.find_mass::<2, OUTFLOW_2D>(&flow);
             }
             _ => {
-                self.find_short_waves::<3>((terms, density), velocity);
-                self.find_mass::<3, 4>(terms, density, velocity);
+                self.find_short_waves::<3>(&flow);
+                self.find_mass::<3, OUTFLOW_3D>(&flow);
             }
         }
     }
@@ -316,50 +378,32 @@ impl Rates for Fluxes {
         }
     }
 
-    fn carry(&mut self, terms: &Terms<'_>, time: f64, velocity: &[Vector3<f64>], density: &[f64]) {
-        match self.dimension {
-            2 => self.carry_in::<2, 5>((terms, time), velocity, density),
-            _ => self.carry_in::<3, 7>((terms, time), velocity, density),
-        }
-    }
-
-    fn mass_flux(&self, flux: &mut [Vector3<f64>]) {
-        let points = flux.par_iter_mut().zip(&self.slot);
-        points.with_min_len(POINTS_PER_TASK).for_each(|(m, slot)| {
-            *m = Vector3::from_fn(|a, _| self.mass.get(a).map_or(0.0, |m| m[*slot as usize]));
-        });
-    }
-
-    fn advance_density(
-        &mut self,
-        terms: &Terms<'_>,
-        dt: f64,
-        (density, pressure): (&mut [f64], &mut [f64]),
-    ) {
+    fn advance_density(&mut self, terms: &Terms<'_>, density: &mut [f64], pressure: &mut [f64]) {
         let volumes = self.fullness.par_iter_mut().zip(&self.swept);
         let volumes = volumes.zip(&self.outflow);
         let points = density.par_iter_mut().zip(pressure).zip(volumes);
         let points = points.enumerate().with_min_len(POINTS_PER_TASK);
         points.for_each(|(i, ((rho, p), ((fullness, [rate]), [outflow])))| {
             let (old, before) = (*rho, *fullness);
-            *fullness += dt * rate;
-            *rho = (old * before - dt * outflow) / *fullness;
-            *p = terms.medium.pressure(i, (old, *rho), *p);
+            *fullness += terms.dt * rate;
+            *rho = (old * before - terms.dt * outflow) / *fullness;
+            let change = DensityChange {
+                before: old,
+                after: *rho,
+            };
+            *p = terms.medium.pressure(i, change, *p);
         });
     }
 
     fn advance_velocity(
-        &self,
+        &mut self,
         terms: &Terms<'_>,
-        dt: f64,
+        time: f64,
         velocity: &mut [Vector3<f64>],
         density: &[f64],
     ) {
-        let time = dt * terms.acceleration_fraction;
-        let points = velocity.par_iter_mut().enumerate();
-        points.with_min_len(POINTS_PER_TASK).for_each(|(i, v)| {
-            *v += time * self.acceleration(terms, i, (v, density[i]));
-        });
+        self.carry(terms, time, velocity, density);
+        self.accelerate(terms, time, velocity, density);
     }
 
     fn friction(&self, _medium: &Medium, friction: &mut Vec<f64>) {

@@ -16,16 +16,32 @@ use perimelt_core::pddo::second;
 use perimelt_core::{Derivatives, Pddo, SlotField};
 use rayon::prelude::*;
 
-use crate::advection::{Flux, ShortWaves};
+use crate::advection::{Convection, Flux, ShortWaves};
 
-use super::rates::{POINTS_PER_TASK, Terms};
+use crate::fluid::rates::{POINTS_PER_TASK, Terms};
+
+/// Derivatives with their work arrays.
+pub(super) struct Operator<'a> {
+    pub(super) pddo: &'a Pddo,
+    pub(super) work: &'a mut Derivatives,
+}
+
+/// The flow at the start of a step.
+#[derive(Clone, Copy)]
+pub(super) struct CarriedFields<'a> {
+    /// Components by slot, m/s.
+    pub(super) velocity: &'a [SlotField],
+    /// By point, kg/m³.
+    pub(super) density: &'a [f64],
+}
 
 /// Convection with its work arrays.
 #[derive(Debug)]
-pub(super) struct CarriedFlow {
-    /// Of mass, kg/(m² s).
+pub(in crate::fluid) struct CarriedFlow {
+    convection: Convection,
+    /// Flux of mass, kg/(m² s).
     pub(super) mass: Flux,
-    /// Of momentum along each axis, kg/(m s²).
+    /// Fluxes of momentum along each axis, kg/(m s²).
     momentum: Vec<Flux>,
     /// Decay of short waves of each component of the momentum, N/m³.
     short_waves: Vec<ShortWaves>,
@@ -34,7 +50,7 @@ pub(super) struct CarriedFlow {
     velocity: SlotField,
     /// In the middle of the step, by point.
     middle_density: Vec<f64>,
-    /// Of each point.
+    /// Slot of each point.
     slot: Vec<u32>,
     /// Diffusivity that short waves lack, times density over the sum of the weights of the Laplacian, kg/(m s) m².
     missing: Vec<f64>,
@@ -43,10 +59,11 @@ pub(super) struct CarriedFlow {
 }
 
 impl CarriedFlow {
-    pub(super) fn new(pddo: &Pddo) -> Self {
+    pub(super) fn new(pddo: &Pddo, convection: Convection) -> Self {
         let (dimension, family) = (pddo.dimension(), pddo.family());
         let slot = |point: usize| family.slot_of(point) as u32;
         CarriedFlow {
+            convection,
             mass: Flux::new(dimension),
             momentum: vec![Flux::new(dimension); dimension],
             short_waves: vec![ShortWaves::default(); dimension],
@@ -62,11 +79,13 @@ impl CarriedFlow {
     /// Sets the flux of mass for a velocity by slot; `diffusion` (kg/(m³ s)) is what else changes the density.
     pub(super) fn set_mass(
         &mut self,
-        (pddo, work): (&Pddo, &mut Derivatives),
-        velocity: &[SlotField],
-        density: &[f64],
-        (dt, diffusion): (f64, impl Fn(usize) -> f64 + Sync),
+        operator: &mut Operator<'_>,
+        flow: CarriedFields<'_>,
+        dt: f64,
+        diffusion: impl Fn(usize) -> f64 + Sync,
     ) {
+        let Operator { pddo, work } = operator;
+        let CarriedFields { velocity, density } = flow;
         let family = pddo.family();
         self.density.load(family, density, Mirrored::Scalar);
         self.mass.find(pddo, work, velocity, Some(&self.density));
@@ -83,14 +102,14 @@ impl CarriedFlow {
     /// Finds the decay of short waves; `laplacian(point, axis)` is that of the velocity, 1/(m s).
     pub(super) fn set_short_waves(
         &mut self,
-        (pddo, work): (&Pddo, &mut Derivatives),
-        velocity: &[SlotField],
-        density: &[f64],
-        (terms, laplacian): (&Terms<'_>, impl Fn(usize, usize) -> f64 + Sync),
+        operator: &mut Operator<'_>,
+        flow: CarriedFields<'_>,
+        terms: &Terms<'_>,
+        laplacian: impl Fn(usize, usize) -> f64 + Sync,
     ) {
-        let (Some(convection), medium) = (terms.convection, terms.medium) else {
-            return;
-        };
+        let Operator { pddo, work } = operator;
+        let CarriedFields { velocity, density } = flow;
+        let (convection, medium) = (self.convection, terms.medium);
         if self.laplacian == 0.0 {
             self.laplacian = pddo.laplacian_sum(0) * medium.spacing[0].powi(2);
         }
@@ -123,17 +142,18 @@ impl CarriedFlow {
     }
 
     /// Rate at which the momentum of short waves along an axis decays, N/m³.
-    pub(super) fn short_waves(&self, point: usize, axis: usize) -> f64 {
+    pub(in crate::fluid) fn short_waves(&self, point: usize, axis: usize) -> f64 {
         self.short_waves[axis].rate(point)
     }
 
     /// Sets the flux of momentum for the velocity in the middle of the step (m/s).
     pub(super) fn set_momentum(
         &mut self,
-        (pddo, work): (&Pddo, &mut Derivatives),
+        operator: &mut Operator<'_>,
         velocity: &[Vector3<f64>],
         rules: &[LayerRule],
     ) {
+        let Operator { pddo, work } = operator;
         for (axis, carried) in self.momentum.iter_mut().enumerate() {
             let along = |point: usize| velocity[point][axis];
             let ghosts = ByRules(rules, axis);

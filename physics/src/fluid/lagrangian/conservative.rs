@@ -28,16 +28,19 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::family::{Mirrored, Rising};
 use perimelt_core::pddo::largest_wave_number;
-use perimelt_core::world::BodyIndex;
-use perimelt_core::{Body, Bond, BondKernel, Family, PddoError, SlotField, World};
+use perimelt_core::{Body, Bond, BondKernel, Family, SlotField, World};
 use rayon::prelude::*;
 
 use crate::shape_tensor::{COMPONENTS, CompleteFamily, components, inverted};
 
-use super::collision::FluidPoints;
-use super::medium::Medium;
-use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
-use super::walls::{FluidAtWall, Walls};
+use super::FollowedFamily;
+use super::walls::FluidAtWall;
+use crate::fluid::kinds::ConservativeKeys;
+use crate::fluid::medium::Medium;
+use crate::fluid::points::Surroundings;
+use crate::fluid::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
+use crate::fluid::state::DensityChange;
+use crate::fluid::walls::Walls;
 
 /// Rates of the conservative form.
 #[derive(Debug)]
@@ -45,9 +48,8 @@ pub(super) struct Conservative {
     dimension: usize,
     family: Arc<Family>,
     complete: CompleteFamily,
-    walls: Walls,
-    /// Whether viscous forces act along bonds.
-    is_central: bool,
+    pub(super) walls: Walls,
+    pub(super) keys: ConservativeKeys,
     /// Kernel sum of a complete family, 1/m.
     crowd: f64,
     /// m.
@@ -83,8 +85,7 @@ struct Surveyed {
     crowding: f64,
 }
 
-/// `A`; `sum w xi (v_j - v_i)`; viscous force; friction; `(2/a) sum w (rho_j - rho_i)`; `(2/a) sum w xi`;
-/// crowding. From velocity as mirrored and as held by walls, density, viscosity.
+/// All sums over the velocity and density around a point in one pass, from [`SurveyInputs`] to [`SurveySums`].
 struct Survey<const D: usize> {
     /// `2 / a`, 1/m.
     laplacian: f64,
@@ -97,6 +98,47 @@ struct Survey<const D: usize> {
     central: f64,
 }
 
+/// Where the inputs of [`Survey`] begin: the velocity as mirrored by walls, as held by walls, density, viscosity.
+pub(super) struct SurveyInputs<const D: usize>;
+
+impl<const D: usize> SurveyInputs<D> {
+    pub(super) const HELD: usize = D;
+    pub(super) const DENSITY: usize = Self::HELD + D;
+    pub(super) const VISCOSITY: usize = Self::DENSITY + 1;
+    const COUNT: usize = Self::VISCOSITY + 1;
+}
+
+/// Where the sums of [`Survey`] begin: the shape tensor `A`, `sum w xi (v_j - v_i)`, viscous force, friction,
+/// `(2/a) sum w (rho_j - rho_i)`, `(2/a) sum w xi`, kernel sum.
+struct SurveySums<const D: usize>;
+
+impl<const D: usize> SurveySums<D> {
+    const SLOPES: usize = components(D);
+    const FORCE: usize = Self::SLOPES + D * D;
+    const FRICTION: usize = Self::FORCE + D;
+    const DENSITY_LAPLACIAN: usize = Self::FRICTION + 1;
+    const ASYMMETRY: usize = Self::DENSITY_LAPLACIAN + 1;
+    const CROWDING: usize = Self::ASYMMETRY + D;
+    const COUNT: usize = Self::CROWDING + 1;
+    /// What a wall with slip does not exert: the force of viscosity and its heat.
+    const VISCOUS: std::ops::Range<usize> = Self::FORCE..Self::FRICTION + 1;
+}
+
+/// Where the inputs of [`Push`] begin: the pressure, `A^-1`.
+struct PushInputs<const D: usize>;
+
+impl<const D: usize> PushInputs<D> {
+    const INVERSE: usize = 1;
+    const COUNT: usize = Self::INVERSE + components(D);
+}
+
+const INPUTS_2D: usize = SurveyInputs::<2>::COUNT;
+const INPUTS_3D: usize = SurveyInputs::<3>::COUNT;
+const SUMS_2D: usize = SurveySums::<2>::COUNT;
+const SUMS_3D: usize = SurveySums::<3>::COUNT;
+const PUSH_2D: usize = PushInputs::<2>::COUNT;
+const PUSH_3D: usize = PushInputs::<3>::COUNT;
+
 /// Kernel over influence of Wendland, for a fraction of the horizon.
 #[inline(always)]
 fn kernel_over_influence(fraction: f64) -> f64 {
@@ -108,7 +150,8 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
         let Bond { xi, weight, .. } = *bond;
         let difference: [f64; I] = std::array::from_fn(|i| other[i] - own[i]);
-        let (along, mirrored, held) = (&xi[..D], &difference[..D], &difference[D..2 * D]);
+        let (along, mirrored) = (&xi[..D], &difference[..D]);
+        let held = &difference[SurveyInputs::<D>::HELD..SurveyInputs::<D>::DENSITY];
         let (mut sums, mut at) = ([0.0; O], 0);
         let mut put = |value: f64| {
             sums[at] = value;
@@ -123,7 +166,8 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey
             }
         }
         let diffusive = weight * self.laplacian;
-        let viscous = diffusive * 0.5 * (own[2 * D + 1] + other[2 * D + 1]);
+        let viscosity = SurveyInputs::<D>::VISCOSITY;
+        let viscous = diffusive * 0.5 * (own[viscosity] + other[viscosity]);
         let stretch: f64 = (0..D).map(|a| held[a] * xi[a]).sum();
         let (plain, central) = (viscous * self.plain, viscous * self.central * stretch);
         let mut work = central * stretch;
@@ -133,7 +177,7 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey
         }
         // each end gets half of the work of the pair
         put(0.5 * work);
-        put(diffusive * difference[2 * D]);
+        put(diffusive * difference[SurveyInputs::<D>::DENSITY]);
         for x in along {
             put(diffusive * x);
         }
@@ -150,7 +194,8 @@ impl<const D: usize, const I: usize> BondKernel<I, D> for Push<D> {
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; D] {
         let mut sums = [0.0; D];
         for (n, &(a, b)) in COMPONENTS[..components(D)].iter().enumerate() {
-            let part = -bond.weight * (own[0] * own[1 + n] + other[0] * other[1 + n]);
+            let inverse = PushInputs::<D>::INVERSE + n;
+            let part = -bond.weight * (own[0] * own[inverse] + other[0] * other[inverse]);
             sums[a] += part * bond.xi[b];
             if a != b {
                 sums[b] += part * bond.xi[a];
@@ -162,11 +207,14 @@ impl<const D: usize, const I: usize> BondKernel<I, D> for Push<D> {
 
 impl Conservative {
     pub(super) fn new(
-        family: Arc<Family>,
+        keys: ConservativeKeys,
         body: &Body,
-        complete: CompleteFamily,
-        (walls, is_central): (Walls, bool),
+        family: Arc<Family>,
+        around: Surroundings,
     ) -> Self {
+        let Surroundings {
+            complete, walls, ..
+        } = around;
         let dimension = body.dimension;
         let horizon = family.spec().horizon.of(body.finest_spacing());
         let mut crowd = complete.own_content;
@@ -178,7 +226,7 @@ impl Conservative {
             family,
             complete,
             walls,
-            is_central,
+            keys,
             crowd,
             horizon,
             velocity: vec![SlotField::default(); dimension],
@@ -202,8 +250,8 @@ impl Conservative {
         Survey {
             laplacian: self.laplacian(),
             horizon: self.horizon,
-            plain: if self.is_central { 0.0 } else { 1.0 },
-            central: match self.is_central {
+            plain: if self.keys.is_central { 0.0 } else { 1.0 },
+            central: match self.keys.is_central {
                 true => (D as f64 + 2.0) / self.complete.mean_square,
                 false => 0.0,
             },
@@ -216,9 +264,9 @@ impl Conservative {
         let mut all_sums = std::mem::take(&mut self.sums);
         all_sums.resize(self.surveyed.len() * O, 0.0);
         let inputs: [&[f64]; I] = std::array::from_fn(|i| match i {
-            _ if i < D => &self.velocity[i][..],
-            _ if i < 2 * D => &held[i - D],
-            _ if i == 2 * D => &self.density,
+            _ if i < SurveyInputs::<D>::HELD => &self.velocity[i][..],
+            _ if i < SurveyInputs::<D>::DENSITY => &held[i - SurveyInputs::<D>::HELD],
+            _ if i < SurveyInputs::<D>::VISCOSITY => &self.density,
             _ => &self.viscosity,
         });
         let (sums, _) = all_sums.as_chunks_mut::<O>();
@@ -226,7 +274,7 @@ impl Conservative {
         if !self.walls.is_empty() {
             let own = |point: usize| inputs.map(|input| input[self.family.slot_of(point)]);
             self.walls
-                .add_velocity::<D, I, O>(&kernel, own, viscous_sums::<D>(), sums);
+                .add_velocity::<D, I, O>(&kernel, own, SurveySums::<D>::VISCOUS, sums);
         }
 
         let (complete, crowd) = (self.complete, self.crowd);
@@ -234,9 +282,8 @@ impl Conservative {
         found
             .with_min_len(POINTS_PER_TASK)
             .for_each(|(found, sums)| {
-                let (shape, rest) = sums.split_at(components(D));
-                let (slopes, rest) = rest.split_at(D * D);
-                let (force, rest) = rest.split_at(D);
+                let slopes = &sums[SurveySums::<D>::SLOPES..];
+                let shape = &sums[..SurveySums::<D>::SLOPES];
                 let (inverse, is_complete) = inverted::<D>(shape, complete.moment);
                 for (kept, &(a, b)) in found.inverse.iter_mut().zip(&COMPONENTS[..components(D)]) {
                     *kept = inverse[(a, b)];
@@ -247,14 +294,14 @@ impl Conservative {
                         .sum::<f64>()
                 };
                 found.divergence = (0..D).map(along).sum();
-                found.friction = rest[0];
-                found.density_laplacian = rest[1];
+                found.friction = sums[SurveySums::<D>::FRICTION];
+                found.density_laplacian = sums[SurveySums::<D>::DENSITY_LAPLACIAN];
                 for a in 0..D {
-                    found.force[a] = force[a];
-                    found.kernel_asymmetry[a] = rest[2 + a];
+                    found.force[a] = sums[SurveySums::<D>::FORCE + a];
+                    found.kernel_asymmetry[a] = sums[SurveySums::<D>::ASYMMETRY + a];
                 }
                 found.crowding = match is_complete {
-                    true => (rest[2 + D] + complete.own_content) / crowd - 1.0,
+                    true => (sums[SurveySums::<D>::CROWDING] + complete.own_content) / crowd - 1.0,
                     false => 0.0,
                 };
             });
@@ -262,6 +309,21 @@ impl Conservative {
         let surveyed = &mut self.surveyed;
         self.walls
             .for_each_compression(|point, extra| surveyed[point].divergence += extra);
+    }
+
+    /// Takes the family of the points at their current positions.
+    pub(super) fn follow(&mut self, family: FollowedFamily<'_>) {
+        self.family = Arc::default();
+        self.family = (family.take)();
+    }
+
+    /// Gives the walls the opposite of what they do to the fluid in a time (s), with the velocity by slot as last set.
+    pub(super) fn give_impulses(&mut self, world: &World, velocity: &[SlotField], time: f64) {
+        match self.dimension {
+            _ if self.walls.is_empty() => (),
+            2 => self.give::<2, INPUTS_2D, SUMS_2D, PUSH_2D>(world, velocity, time),
+            _ => self.give::<3, INPUTS_3D, SUMS_3D, PUSH_3D>(world, velocity, time),
+        }
     }
 
     /// Gives the walls the opposite of what pressure and viscosity do to the fluid in a time (s).
@@ -276,15 +338,15 @@ impl Conservative {
         let moving = |point: usize| -> [f64; I] {
             let slot = self.family.slot_of(point);
             std::array::from_fn(|i| match i {
-                _ if i < D => self.velocity[i][slot],
-                _ if i < 2 * D => held[i - D][slot],
-                _ if i == 2 * D => self.density[slot],
+                _ if i < SurveyInputs::<D>::HELD => self.velocity[i][slot],
+                _ if i < SurveyInputs::<D>::DENSITY => held[i - SurveyInputs::<D>::HELD][slot],
+                _ if i < SurveyInputs::<D>::VISCOSITY => self.density[slot],
                 _ => self.viscosity[slot],
             })
         };
         let pressed = |point: usize| self.pressed::<P>(point);
         walls.give(world, time, |wall, n| {
-            let forces = viscous_sums::<D>();
+            let forces = SurveySums::<D>::VISCOUS;
             let viscous: [f64; O] = wall.velocity_part::<D, I, O>(n, &survey, &moving, &forces);
             let pressure: [f64; D] = wall.pressure_part(n, &Push::<D>, &pressed, moment);
             let mut force = Vector3::zeros();
@@ -323,53 +385,9 @@ impl Conservative {
     }
 }
 
-/// The sums of [`Survey`] that are the force of viscosity and its heat.
-fn viscous_sums<const D: usize>() -> std::ops::Range<usize> {
-    let first = components(D) + D * D;
-    first..first + D + 1
-}
-
 impl Rates for Conservative {
     fn family(&self) -> &Family {
         &self.family
-    }
-
-    fn follow(
-        &mut self,
-        _positions: &[Vector3<f64>],
-        family: &dyn Fn() -> Arc<Family>,
-    ) -> Result<(), PddoError> {
-        self.family = Arc::default();
-        self.family = family();
-        Ok(())
-    }
-
-    fn follow_walls(&mut self, world: &World, body: BodyIndex, _dt: f64) {
-        self.walls.follow(world, body);
-    }
-
-    fn give_impulses(&mut self, world: &World, velocity: &[SlotField], time: f64) {
-        match self.dimension {
-            _ if self.walls.is_empty() => (),
-            2 => self.give::<2, 6, 14, 4>(world, velocity, time),
-            _ => self.give::<3, 8, 24, 7>(world, velocity, time),
-        }
-    }
-
-    fn collide(&mut self, world: &World, body: BodyIndex, fluid: FluidPoints<'_>) {
-        self.walls.collide(world, body, fluid);
-    }
-
-    fn observe_walls(&mut self, world: &World, body: BodyIndex) {
-        self.walls.observe(world, body);
-    }
-
-    fn walls(&self) -> Option<&Walls> {
-        Some(&self.walls)
-    }
-
-    fn walls_mut(&mut self) -> Option<&mut Walls> {
-        Some(&mut self.walls)
     }
 
     fn stability(&self) -> Stability {
@@ -391,17 +409,14 @@ impl Rates for Conservative {
         }
     }
 
-    /// The viscosity is copied to slots together with the velocity.
-    fn set_viscosity(&mut self, _medium: &Medium) {}
+    fn set_viscosity(&mut self, medium: &Medium) {
+        medium.viscosity.load(&self.family, &mut self.viscosity);
+    }
 
     fn set_velocity(&mut self, velocity: &[SlotField], density: &[f64], terms: &Terms<'_>) {
         let hydrostatic =
             Rising(|axis, point, distance| terms.density_slope(point, axis) * distance);
         self.density.load(&self.family, density, hydrostatic);
-        terms
-            .medium
-            .viscosity
-            .load(&self.family, &mut self.viscosity);
         for (a, (mirrored, held)) in self.velocity.iter_mut().zip(velocity).enumerate() {
             mirrored.set(held.par_iter().copied());
             mirrored.fill_ghosts(&self.family, Mirrored::Vector(a));
@@ -417,8 +432,8 @@ impl Rates for Conservative {
             moment: self.complete.moment,
         });
         match self.dimension {
-            2 => self.survey::<2, 6, 14>(velocity),
-            _ => self.survey::<3, 8, 24>(velocity),
+            2 => self.survey::<2, INPUTS_2D, SUMS_2D>(velocity),
+            _ => self.survey::<3, INPUTS_3D, SUMS_3D>(velocity),
         }
         for (n, (slots, &(a, b))) in self.inverse.iter_mut().zip(&COMPONENTS).enumerate() {
             let inverse = |point: usize| self.surveyed[point].inverse[n];
@@ -437,17 +452,12 @@ impl Rates for Conservative {
             |point| force.map_or_else(Vector3::zeros, |f| f[point]),
         );
         match self.dimension {
-            2 => self.push::<2, 4>(),
-            _ => self.push::<3, 7>(),
+            2 => self.push::<2, PUSH_2D>(),
+            _ => self.push::<3, PUSH_3D>(),
         }
     }
 
-    fn advance_density(
-        &mut self,
-        terms: &Terms<'_>,
-        dt: f64,
-        (density, pressure): (&mut [f64], &mut [f64]),
-    ) {
+    fn advance_density(&mut self, terms: &Terms<'_>, density: &mut [f64], pressure: &mut [f64]) {
         let medium = terms.medium;
         let points = density.par_iter_mut().zip(pressure).zip(&self.surveyed);
         let points = points.enumerate().with_min_len(POINTS_PER_TASK);
@@ -460,16 +470,20 @@ impl Rates for Conservative {
                 rate += terms.density_diffusivity(i) * laplacian;
             }
             let sound = medium.sound_speed(i) / medium.spacing[i];
-            rate += terms.volume_relaxation * sound * before * found.crowding;
-            *rho += dt * rate;
-            *p = medium.pressure(i, (before, *rho), *p);
+            rate += self.keys.volume_relaxation * sound * before * found.crowding;
+            *rho += terms.dt * rate;
+            let change = DensityChange {
+                before,
+                after: *rho,
+            };
+            *p = medium.pressure(i, change, *p);
         });
     }
 
     fn advance_velocity(
-        &self,
+        &mut self,
         terms: &Terms<'_>,
-        dt: f64,
+        time: f64,
         velocity: &mut [Vector3<f64>],
         _density: &[f64],
     ) {
@@ -482,7 +496,7 @@ impl Rates for Conservative {
             let density = self.density[self.family.slot_of(i)];
             for a in 0..dimension {
                 let acceleration = (push[a] + found.force[a]) / density;
-                v[a] += dt
+                v[a] += time
                     * terms.acceleration_fraction
                     * (acceleration + terms.body_acceleration(i, a));
             }

@@ -35,28 +35,28 @@ type Moments = SMatrix<f64, MONOMIALS, MONOMIALS>;
 
 /// The field `interface_normal` of a solid.
 #[derive(Debug)]
-pub(super) struct NormalField {
+pub(in crate::fluid) struct NormalField {
     field: Write<Vector3<f64>>,
     /// Whether it is needed in every step, not only when a state is logged.
-    pub(super) is_read: bool,
+    pub(in crate::fluid) is_read: bool,
 }
 
 impl NormalField {
     /// `None` for a solid between two fluids, which has the normals of the first one.
-    pub(super) fn declare(setup: &mut Setup<'_>, solid: BodyIndex) -> Option<Self> {
+    pub(in crate::fluid) fn declare(setup: &mut Setup<'_>, solid: BodyIndex) -> Option<Self> {
         let field = setup.write(solid, &keys::INTERFACE_NORMAL).ok()?;
         let is_read = setup.is_declared(solid, &keys::INTERFACE_NORMAL, Access::Read);
         Some(NormalField { field, is_read })
     }
 
     /// Normals from a solid to a fluid whose points rest.
-    pub(super) fn set_to(&self, world: &World, outward: &[Vector3<f64>]) {
+    pub(in crate::fluid) fn set_to(&self, world: &World, outward: &[Vector3<f64>]) {
         let mut normals = world.write(self.field);
         let points = normals.iter_mut().zip(outward);
         points.for_each(|(normal, outward)| *normal = -outward);
     }
 
-    pub(super) fn set(&self, world: &World, interface: &Interface<'_>) {
+    pub(in crate::fluid) fn set(&self, world: &World, interface: &Interface<'_>) {
         let mut normals = world.write(self.field);
         let points = normals.par_iter_mut().enumerate();
         points.for_each(|(point, normal)| *normal = interface.normal(point));
@@ -65,21 +65,21 @@ impl NormalField {
 
 /// A solid beside a fluid.
 #[derive(Clone, Copy)]
-pub(super) struct Interface<'a> {
+pub(in crate::fluid) struct Interface<'a> {
     /// Bonds of the fluid to the solid.
-    pub(super) bonds: &'a ForeignBonds,
+    pub(in crate::fluid) bonds: &'a ForeignBonds,
     /// Points of the solid.
-    pub(super) solid: Places<'a>,
+    pub(in crate::fluid) solid: Places<'a>,
     /// m.
-    pub(super) horizon: f64,
-    /// Of the fluid, m.
-    pub(super) spacing: f64,
-    pub(super) dimension: usize,
+    pub(in crate::fluid) horizon: f64,
+    /// Spacing of the fluid, m.
+    pub(in crate::fluid) spacing: f64,
+    pub(in crate::fluid) dimension: usize,
 }
 
 impl Interface<'_> {
     /// Normal by the colour gradient at a point of the solid, zero away from the interface.
-    pub(super) fn normal(&self, point: usize) -> Vector3<f64> {
+    pub(in crate::fluid) fn normal(&self, point: usize) -> Vector3<f64> {
         let gradient = self.colour_gradient(point);
         match gradient.norm() > CUT_OFF / self.spacing {
             true => gradient.normalize(),
@@ -88,7 +88,7 @@ impl Interface<'_> {
     }
 
     /// Gradient of the colour at a point of the solid, 1/m; zero where its neighbours do not determine derivatives.
-    pub(super) fn colour_gradient(&self, point: usize) -> Vector3<f64> {
+    pub(in crate::fluid) fn colour_gradient(&self, point: usize) -> Vector3<f64> {
         if self.bonds.bonds_to(point).is_empty() {
             return Vector3::zeros();
         }
@@ -161,7 +161,10 @@ impl Interface<'_> {
 
 /// Normal of walls of one fluid at the position (m) of a point of theirs; `None` inside, and where they are too thin to tell
 /// their sides.
-pub(super) fn wall_normal(walls: &[Interface<'_>], at: &Vector3<f64>) -> Option<Vector3<f64>> {
+pub(in crate::fluid) fn wall_normal(
+    walls: &[Interface<'_>],
+    at: &Vector3<f64>,
+) -> Option<Vector3<f64>> {
     let (mut sum, mut size) = (Vector3::zeros(), 0.0);
     for wall in walls {
         wall.for_each_in_solid(at, |xi, volume| {

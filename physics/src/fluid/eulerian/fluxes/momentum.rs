@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 use crate::advection::Laplacian;
 
-use super::Fluxes;
-use super::kernels::{Carry, In, Push};
+use super::kernels::{Carry, FlowInputs, In, Push, ViscosityInputs};
+use super::{FlowNow, Fluxes};
 use crate::fluid::rates::{POINTS_PER_TASK, Terms};
 
 /// What the decay of short waves needs on the way.
@@ -38,15 +38,20 @@ impl Fluxes {
     pub(super) fn find_viscosity<const D: usize, const I: usize, const O: usize>(
         &mut self,
         kernel: impl BondKernel<I, O>,
-        (terms, density): (&Terms<'_>, &[f64]),
-        velocity: &[SlotField],
+        flow: &FlowNow<'_>,
     ) {
+        let FlowNow {
+            terms,
+            velocity,
+            density,
+        } = *flow;
         let mut rows = std::mem::take(&mut self.diffusion);
         rows.resize(self.points() * O, 0.0);
         let stretch = self.motion.as_ref().map(|m| &m.stretch);
-        let inputs: [&[f64]; I] = std::array::from_fn(|i| match (i, stretch) {
-            _ if i < D => &velocity[i][..],
-            (_, Some(stretch)) if i > D => &stretch[i - D - 1],
+        let first = ViscosityInputs::<D>::STRETCH;
+        let inputs: [&[f64]; I] = std::array::from_fn(|i| match stretch {
+            _ if i < ViscosityInputs::<D>::VISCOSITY => &velocity[i][..],
+            Some(stretch) if i >= first => &stretch[i - first],
             _ => &self.viscosity,
         });
         let (sums, _) = rows.as_chunks_mut::<O>();
@@ -59,16 +64,15 @@ impl Fluxes {
         (self.diffusion, self.walls) = (rows, walls);
     }
 
-    /// Finds the decay of short waves of the velocity; the same in all directions, as [`super::convection`] has it.
-    pub(super) fn find_short_waves<const D: usize>(
-        &mut self,
-        (terms, density): (&Terms<'_>, &[f64]),
-        velocity: &[SlotField],
-    ) {
+    /// Finds the decay of short waves of the velocity; the same in all directions, as [`crate::fluid::eulerian::carried_flow`] has it.
+    pub(super) fn find_short_waves<const D: usize>(&mut self, flow: &FlowNow<'_>) {
+        let FlowNow {
+            terms,
+            velocity,
+            density,
+        } = *flow;
         self.short_waves.clear();
-        let (Some(convection), medium) = (terms.convection, terms.medium) else {
-            return;
-        };
+        let (convection, medium) = (self.convection, terms.medium);
         let laplacian = 2.0 * self.inverse();
         let sum = laplacian * self.complete.content;
         let missing = |i: usize| {
@@ -116,9 +120,9 @@ impl Fluxes {
         let mut rows = std::mem::take(&mut self.carried);
         rows.resize(self.points() * D, 0.0);
         let inputs: [&[f64]; I] = std::array::from_fn(|i| match i {
-            _ if i < D => &self.flux[i][..],
-            _ if i == D => &self.density,
-            _ => &self.carried_velocity[i - D - 1],
+            _ if i < FlowInputs::<D>::DENSITY => &self.flux[i][..],
+            _ if i < FlowInputs::<D>::VELOCITY => &self.density,
+            _ => &self.carried_velocity[i - FlowInputs::<D>::VELOCITY],
         });
         let kernel = In::<D, _>(Carry(self.outflow_kernel(terms)));
         let (sums, _) = rows.as_chunks_mut::<D>();
@@ -156,16 +160,16 @@ impl Fluxes {
 
     pub(super) fn carry_in<const D: usize, const I: usize>(
         &mut self,
-        (terms, time): (&Terms<'_>, f64),
+        terms: &Terms<'_>,
+        time: f64,
         velocity: &[Vector3<f64>],
         density: &[f64],
     ) {
         self.find_carried::<D, I>(terms, velocity);
         let mut middle = std::mem::take(&mut self.middle_velocity);
         let half = 0.5 * time * terms.acceleration_fraction;
-        let of_point = |(i, v): (usize, &Vector3<f64>)| {
-            v + half * self.acceleration(terms, i, (v, density[i]))
-        };
+        let of_point =
+            |(i, v): (usize, &Vector3<f64>)| v + half * self.acceleration(terms, i, v, density[i]);
         let points = velocity.par_iter().enumerate();
         let points = points.with_min_len(POINTS_PER_TASK).map(of_point);
         points.collect_into_vec(&mut middle);
@@ -176,7 +180,8 @@ impl Fluxes {
     pub(super) fn give<const D: usize, const I: usize, const O: usize>(
         &mut self,
         viscosity: impl BondKernel<I, O>,
-        (world, time): (&World, f64),
+        world: &World,
+        time: f64,
     ) {
         let mut walls = std::mem::take(&mut self.walls);
         let push = Push {

@@ -1,0 +1,222 @@
+//! Points through which the fluid flows: at rest, or following bodies that are walls.
+
+mod carried_flow;
+mod differences;
+pub(in crate::fluid) mod fluxes;
+pub(in crate::fluid) mod immersed;
+pub(in crate::fluid) mod point_motion;
+
+use nalgebra::Vector3;
+use perimelt_core::plugin::check_length;
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Setup, SetupError, World, Write, keys};
+use serde::{Deserialize, Serialize};
+
+use crate::advection::{Convection, FlowFamily};
+
+use super::differences::Differences;
+use super::kinds::{EulerianForm, EulerianKeys};
+use super::points::Surroundings;
+use super::rates::{Rates, Stability};
+use super::walls::{WallMotion, Walls};
+pub(super) use carried_flow::CarriedFlow;
+use differences::EulerianDifferences;
+use fluxes::{FluxDomain, Fluxes};
+use point_motion::PointMotion;
+
+/// Points through which the fluid flows.
+#[derive(Debug)]
+pub(super) struct EulerianPoints {
+    pub(super) convection: Convection,
+    form: EulerianRates,
+    place: Place,
+}
+
+/// Form of the equations.
+#[derive(Debug)]
+enum EulerianRates {
+    Differences(Box<EulerianDifferences>),
+    Fluxes(Box<Fluxes>),
+}
+
+/// Where the points are, with the field that tells it to others.
+#[derive(Debug)]
+enum Place {
+    /// At rest.
+    Resting { mass_flux: Write<Vector3<f64>> },
+    /// They follow bodies that are walls.
+    FollowingWalls { displacement: Write<Vector3<f64>> },
+}
+
+/// State of points through which the fluid flows; empty in the form of differences.
+#[derive(Serialize, Deserialize)]
+pub(super) struct SavedEulerian {
+    /// Volume of the fluid at each point over that of its cell.
+    fullness: Vec<f64>,
+    /// Displacement of the cells of points that follow walls, m.
+    displacement: Vec<Vector3<f64>>,
+    walls: Vec<WallMotion>,
+}
+
+impl EulerianPoints {
+    pub(super) fn prepare(
+        keys: EulerianKeys,
+        setup: &mut Setup<'_>,
+        mut around: Surroundings,
+    ) -> Result<Self, SetupError> {
+        let body = around.body;
+        let place = match keys.form {
+            EulerianForm::FollowingWalls => Place::FollowingWalls {
+                displacement: setup.own(body, &keys::DISPLACEMENT)?,
+            },
+            EulerianForm::Differences(_) | EulerianForm::Resting => Place::Resting {
+                mass_flux: setup.own(body, &keys::MASS_FLUX)?,
+            },
+        };
+        setup.publish(body, FlowFamily(around.family))?;
+        let family = setup.world().family(around.family);
+        let convection = keys.convection;
+        let form = match keys.form {
+            EulerianForm::Differences(keys) => {
+                let core = Differences::prepare(keys, setup.body(body), family)?;
+                let rates = EulerianDifferences::new(core, convection);
+                EulerianRates::Differences(Box::new(rates))
+            }
+            EulerianForm::Resting | EulerianForm::FollowingWalls => {
+                let walls = &mut around.walls;
+                walls.immerse(setup, body, &family, &around.complete)?;
+                let motion = match place {
+                    Place::Resting { .. } => None,
+                    Place::FollowingWalls { .. } => {
+                        let fluid = setup.body(body);
+                        Some(PointMotion::prepare(fluid, &family, &walls.places())?)
+                    }
+                };
+                let domain = FluxDomain {
+                    family,
+                    complete: around.complete,
+                    walls: around.walls,
+                    motion,
+                };
+                let rates = Fluxes::new(convection, setup.body(body), domain);
+                EulerianRates::Fluxes(Box::new(rates))
+            }
+        };
+        Ok(EulerianPoints {
+            convection,
+            form,
+            place,
+        })
+    }
+
+    pub(super) fn rates(&self) -> &dyn Rates {
+        match &self.form {
+            EulerianRates::Differences(rates) => &**rates,
+            EulerianRates::Fluxes(rates) => &**rates,
+        }
+    }
+
+    pub(super) fn rates_mut(&mut self) -> &mut dyn Rates {
+        match &mut self.form {
+            EulerianRates::Differences(rates) => &mut **rates,
+            EulerianRates::Fluxes(rates) => &mut **rates,
+        }
+    }
+
+    fn fluxes(&self) -> Option<&Fluxes> {
+        match &self.form {
+            EulerianRates::Differences(_) => None,
+            EulerianRates::Fluxes(rates) => Some(rates),
+        }
+    }
+
+    fn fluxes_mut(&mut self) -> Option<&mut Fluxes> {
+        match &mut self.form {
+            EulerianRates::Differences(_) => None,
+            EulerianRates::Fluxes(rates) => Some(rates),
+        }
+    }
+
+    /// Motion of points that follow walls.
+    pub(super) fn motion(&self) -> Option<&PointMotion> {
+        self.fluxes()?.motion.as_ref()
+    }
+
+    pub(super) fn walls(&self) -> Option<&Walls> {
+        self.fluxes().map(|rates| &rates.walls)
+    }
+
+    pub(super) fn walls_mut(&mut self) -> Option<&mut Walls> {
+        self.fluxes_mut().map(|rates| &mut rates.walls)
+    }
+
+    /// Volume of the fluid at a point over that of its cell.
+    pub(super) fn fullness(&self, point: usize) -> f64 {
+        self.fluxes().map_or(1.0, |rates| rates.fullness[point])
+    }
+
+    /// Takes positions and velocities of the bodies that are walls for the fluid of `body`, and lets points follow them in a
+    /// step of `dt` (s).
+    pub(super) fn follow_walls(&mut self, world: &World, body: BodyIndex, dt: f64) {
+        if let Some(rates) = self.fluxes_mut() {
+            rates.follow_walls(world, body, dt);
+        }
+    }
+
+    /// Gives the walls the opposite of what they do to the fluid in a time, s.
+    pub(super) fn give_impulses(&mut self, world: &World, time: f64) {
+        if let Some(rates) = self.fluxes_mut() {
+            rates.give_impulses(world, time);
+        }
+    }
+
+    /// Writes the flux of mass through points at rest.
+    pub(super) fn write_mass_flux(&self, world: &World) {
+        if let Place::Resting { mass_flux } = self.place {
+            let mut flux = world.write(mass_flux);
+            match &self.form {
+                EulerianRates::Differences(rates) => rates.mass_flux(&mut flux),
+                EulerianRates::Fluxes(rates) => rates.mass_flux(&mut flux),
+            }
+        }
+    }
+
+    /// Writes the displacement of points that follow walls.
+    pub(super) fn write_displacement(&self, world: &World) {
+        if let (Place::FollowingWalls { displacement }, Some(motion)) = (&self.place, self.motion())
+        {
+            let mut displacement = world.write(*displacement);
+            let points = displacement.iter_mut().zip(motion.displacements());
+            points.for_each(|(u, now)| *u = now);
+        }
+    }
+
+    pub(super) fn stability_now(&self, initial: Stability) -> Option<Stability> {
+        let compression = self.motion()?.largest_compression();
+        Some(initial.compressed(compression))
+    }
+
+    pub(super) fn save(&self) -> SavedEulerian {
+        let cells = self.motion().map(|motion| motion.state().clone());
+        SavedEulerian {
+            fullness: self.fluxes().map_or_else(Vec::new, |f| f.fullness.clone()),
+            displacement: cells.unwrap_or_default(),
+            walls: self.walls().map_or_else(Vec::new, Walls::motions),
+        }
+    }
+
+    pub(super) fn load(&mut self, saved: SavedEulerian) -> Result<(), erased_serde::Error> {
+        let Some(rates) = self.fluxes_mut() else {
+            return Ok(());
+        };
+        check_length("fullness", saved.fullness.len(), rates.fullness.len())?;
+        rates.fullness = saved.fullness;
+        rates.walls.set_motions(saved.walls);
+        if let Some(motion) = &mut rates.motion {
+            let (found, expected) = (saved.displacement.len(), motion.state().len());
+            check_length("displacements", found, expected)?;
+            motion.set_state(saved.displacement);
+        }
+        Ok(())
+    }
+}

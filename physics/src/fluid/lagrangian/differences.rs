@@ -1,0 +1,106 @@
+//! Rates by derivatives of second order at points that carry their mass.
+
+use nalgebra::Vector3;
+use perimelt_core::{Family, PddoError, SlotField};
+use rayon::prelude::*;
+
+use super::FollowedFamily;
+use crate::advection::Flux;
+use crate::fluid::differences::Differences;
+use crate::fluid::medium::Medium;
+use crate::fluid::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
+use crate::fluid::state::DensityChange;
+
+/// Rates at points that carry their mass.
+#[derive(Debug)]
+pub(super) struct LagrangianDifferences {
+    core: Differences,
+    /// The velocity, mirrored by walls, m/s.
+    flux: Flux,
+}
+
+impl LagrangianDifferences {
+    pub(super) fn new(core: Differences) -> Self {
+        LagrangianDifferences {
+            flux: Flux::new(core.dimension()),
+            core,
+        }
+    }
+
+    /// Takes the family and operators of the points at their current positions.
+    pub(super) fn follow(&mut self, family: FollowedFamily<'_>) -> Result<(), PddoError> {
+        self.core.rebuild(family.positions, family.take)
+    }
+
+    fn accelerate<const D: usize>(
+        &self,
+        terms: &Terms<'_>,
+        time: f64,
+        velocity: &mut [Vector3<f64>],
+        density: &[f64],
+    ) {
+        let time = time * terms.acceleration_fraction;
+        let points = velocity.par_iter_mut().enumerate();
+        points.with_min_len(POINTS_PER_TASK).for_each(|(i, v)| {
+            *v += time * self.core.acceleration::<D>(terms, i, density[i], None)
+        });
+    }
+}
+
+impl Rates for LagrangianDifferences {
+    fn family(&self) -> &Family {
+        self.core.family()
+    }
+
+    fn stability(&self) -> Stability {
+        self.core.stability()
+    }
+
+    fn set_viscosity(&mut self, medium: &Medium) {
+        self.core.set_viscosity(medium);
+    }
+
+    fn set_velocity(&mut self, velocity: &[SlotField], density: &[f64], terms: &Terms<'_>) {
+        self.core.set_velocity(velocity, density, terms);
+        let Differences { pddo, work, .. } = &mut self.core;
+        self.flux.find(pddo, work, velocity, None);
+    }
+
+    fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
+        self.core.set_pressure(pressure, force);
+    }
+
+    fn advance_density(&mut self, terms: &Terms<'_>, density: &mut [f64], pressure: &mut [f64]) {
+        let medium = terms.medium;
+        let points = density.par_iter_mut().zip(pressure).enumerate();
+        points
+            .with_min_len(POINTS_PER_TASK)
+            .for_each(|(i, (rho, p))| {
+                let before = *rho;
+                let carried = before * self.flux.divergence[i];
+                *rho += terms.dt * (self.core.diffusion_rate(terms, i) - carried);
+                let change = DensityChange {
+                    before,
+                    after: *rho,
+                };
+                *p = medium.pressure(i, change, *p);
+            });
+    }
+
+    fn advance_velocity(
+        &mut self,
+        terms: &Terms<'_>,
+        time: f64,
+        velocity: &mut [Vector3<f64>],
+        density: &[f64],
+    ) {
+        match self.core.dimension() {
+            2 => self.accelerate::<2>(terms, time, velocity, density),
+            _ => self.accelerate::<3>(terms, time, velocity, density),
+        }
+    }
+
+    fn friction(&self, medium: &Medium, friction: &mut Vec<f64>) {
+        self.core.friction(medium, friction);
+    }
+}

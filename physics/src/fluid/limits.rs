@@ -1,0 +1,128 @@
+//! Limits of a run: the largest stable step, values that are no longer a flow, and how far walls may move.
+
+use nalgebra::Vector3;
+use perimelt_core::{Read, RunError, World, keys};
+
+use super::eulerian::immersed::LARGEST_DISPLACEMENT;
+use super::eulerian::point_motion::LEAST_DISTORTION;
+use super::points::Points;
+use super::rates::Stability;
+use super::run::FluidRun;
+use super::walls::Walls;
+
+/// A wall has left the place that it has for a fluid whose points rest.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "body `{wall}` moves by {moved:.3e} m along its normal; for an Eulerian fluid walls keep their reference shape, and a \
+     displacement may be up to {allowed:.3e} m, half a spacing of body `{fluid}`: choose `description = \
+     \"arbitrary_lagrangian_eulerian\"` or `\"updated_lagrangian\"`, or a coarser fluid"
+)]
+struct WallHasLeft {
+    wall: String,
+    fluid: String,
+    /// m.
+    moved: f64,
+    /// m.
+    allowed: f64,
+}
+
+/// Points that follow walls can no longer do so.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the points of body `{fluid}` near {place:?} m are distorted until they fold, because the walls that they follow have moved too \
+     far: choose `description = \"updated_lagrangian\"`, or keep displacements and rotations of the walls smaller"
+)]
+struct PointsFold {
+    fluid: String,
+    /// Reference position, m.
+    place: [f64; 3],
+}
+
+impl FluidRun {
+    /// A point whose velocity or density (`field`), of which the `largest` value is given, is no longer that of a flow.
+    pub(super) fn point_beyond_limits(
+        &self,
+        world: &World,
+        field: &str,
+        largest: f64,
+    ) -> Option<usize> {
+        let reference = &self.medium.reference_density;
+        if field == keys::VELOCITY.name {
+            let lightest = reference.iter().copied().fold(f64::INFINITY, f64::min);
+            let limit = 10.0 * self.medium.state.sound_speed(lightest);
+            let velocity: Read<Vector3<f64>> = self.fields.velocity.into();
+            return (largest > limit).then(|| world.first_beyond(velocity, limit))?;
+        }
+        let limit = 10.0 * reference.iter().copied().fold(0.0, f64::max);
+        let is_beyond = field == keys::DENSITY.name && largest > limit;
+        let density: Read<f64> = self.fields.density.into();
+        is_beyond.then(|| world.first_beyond(density, limit))?
+    }
+
+    /// Refuses to go on where walls have moved too far for points that rest or follow them.
+    pub(super) fn check_walls(&self, world: &World, time: f64) -> Result<(), RunError> {
+        let Points::Eulerian(points) = &self.points else {
+            return Ok(());
+        };
+        let fluid = world.body(self.body);
+        let failed = |cause: Box<dyn std::error::Error + Send + Sync>| RunError::Plugin {
+            plugin: "fluid".into(),
+            time,
+            cause,
+        };
+        if let Some(motion) = points.motion() {
+            let (least, point) = motion.distortion();
+            if least < LEAST_DISTORTION {
+                let cause = PointsFold {
+                    fluid: fluid.name.clone(),
+                    place: fluid.points.position[point].into(),
+                };
+                return Err(failed(cause.into()));
+            }
+            return Ok(());
+        }
+        match points.walls().and_then(Walls::largest_displacement) {
+            Some((moved, wall)) if moved > LARGEST_DISPLACEMENT => {
+                let spacing = fluid.finest_spacing();
+                let cause = WallHasLeft {
+                    wall: wall.into(),
+                    fluid: fluid.name.clone(),
+                    moved: moved * spacing,
+                    allowed: LARGEST_DISPLACEMENT * spacing,
+                };
+                Err(failed(cause.into()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Largest step (s) for which sound and viscosity are stable (docs/theory/fluids.md, "Largest step"), for speeds up
+    /// to a tenth of that of sound: with the frequency `w = kappa c` of sound and the rate `r = 2 S (nu + D)` of viscosity and
+    /// density diffusion, a symplectic step is stable for `dt^2 w^2 + 2 dt r < 4`. In an Eulerian fluid `w` is
+    /// `kappa (c + |v|)`; convection in the middle of the step has no limit of its own.
+    pub(super) fn find_stable_step(&self, world: &World) -> f64 {
+        let (medium, settings) = (&self.medium, self.settings);
+        let Stability {
+            wave_number,
+            laplacian,
+        } = self.stability;
+        let limit = |(i, &m): (usize, &u16)| {
+            let sound = medium.sound_speed(i);
+            let passing = self.points.convection().map(|c| (c, 0.1 * sound));
+            let speed = passing.map_or(0.0, |(_, speed)| speed);
+            let artificial = settings.artificial_viscosity * medium.smoothing_length(i) * sound;
+            let largest = medium.viscosity.largest(m) / medium.reference_density[i];
+            // short waves lack more where the viscosity is small; their rate is that of the Laplacian squared
+            let missing = passing.map_or(0.0, |(c, speed)| {
+                2.0 * c.missing_diffusivity(speed, medium.spacing[i], laplacian, 0.0)
+            });
+            let viscosity = largest + artificial + missing;
+            let damping = viscosity + settings.density_diffusion * medium.sound_diffusivity(i);
+            let frequency = wave_number * (sound + speed);
+            let rate = 2.0 * laplacian * damping;
+            4.0 / (rate + (rate * rate + 4.0 * frequency * frequency).sqrt())
+        };
+        let points = world.body(self.body).material_of_point.iter().enumerate();
+        points.map(limit).fold(f64::INFINITY, f64::min)
+    }
+}
