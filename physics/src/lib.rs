@@ -15,6 +15,7 @@ mod advection;
 pub mod fluid;
 pub mod mechanical;
 pub mod metallurgy;
+mod momentum;
 pub mod replay;
 pub mod rigid_body;
 mod shape_tensor;

@@ -261,6 +261,24 @@ impl Differences {
         }
     }
 
+    /// Advances density and pressure; `carried(point, density)` is what flows out of a point, kg/(m³ s).
+    pub(super) fn advance_density(
+        &self,
+        terms: &Terms<'_>,
+        density: &mut [f64],
+        pressure: &mut [f64],
+        carried: impl Fn(usize, f64) -> f64 + Sync,
+    ) {
+        let points = density.par_iter_mut().zip(pressure).enumerate();
+        points
+            .with_min_len(POINTS_PER_TASK)
+            .for_each(|(i, (rho, p))| {
+                let rate = self.diffusion_rate(terms, i) - carried(i, *rho);
+                let after = *rho + terms.dt * rate;
+                terms.medium.change_density(i, after, rho, p);
+            });
+    }
+
     /// Heat of viscous friction per current volume, W/m³.
     pub(super) fn friction(&self, medium: &Medium, friction: &mut Vec<f64>) {
         let viscosity = medium.viscosity.value.par_iter().enumerate();

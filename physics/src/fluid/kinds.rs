@@ -37,14 +37,9 @@ pub(super) enum LagrangianKeys {
     /// Points keep their neighbours.
     Total(DifferencesKeys),
     /// Points change neighbours.
-    Updated(Arrangement, UpdatedForm),
-}
-
-/// Form of the equations at points that change neighbours.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum UpdatedForm {
-    Differences(DifferencesKeys),
-    Conservative(ConservativeKeys),
+    Updated(Arrangement, DifferencesKeys),
+    /// Points change neighbours, in the conservative form.
+    Conservative(Arrangement, ConservativeKeys),
 }
 
 /// Keys of a fluid that flows through its points.
@@ -98,10 +93,7 @@ impl FluidKeys {
     /// Whether the conservative form is summed.
     pub(super) fn is_conservative(&self) -> bool {
         match self.points {
-            PointKeys::Lagrangian(LagrangianKeys::Updated(_, form)) => {
-                matches!(form, UpdatedForm::Conservative(_))
-            }
-            PointKeys::Lagrangian(LagrangianKeys::Total(_)) => false,
+            PointKeys::Lagrangian(keys) => matches!(keys, LagrangianKeys::Conservative(..)),
             PointKeys::Eulerian(keys) => !matches!(keys.form, EulerianForm::Differences(_)),
         }
     }
@@ -114,23 +106,21 @@ impl FluidKeys {
     /// Keys of the conservative form at points that move.
     pub(super) fn conservative(&self) -> Option<&ConservativeKeys> {
         match &self.points {
-            PointKeys::Lagrangian(LagrangianKeys::Updated(_, UpdatedForm::Conservative(keys))) => {
-                Some(keys)
-            }
+            PointKeys::Lagrangian(LagrangianKeys::Conservative(_, keys)) => Some(keys),
             _ => None,
         }
     }
 
     /// Whether forces act along bonds or keep moments, and points move with their own velocity.
     pub(super) fn keeps_angular_momentum(&self) -> bool {
-        let PointKeys::Lagrangian(LagrangianKeys::Updated(arrangement, _)) = &self.points else {
-            return false;
-        };
-        self.conservative().is_some_and(|keys| keys.is_central)
-            && !self.zero_surface_pressure
-            && self.smoothing == 0
-            && arrangement.xsph == 0.0
-            && arrangement.shifting == 0.0
+        match &self.points {
+            PointKeys::Lagrangian(LagrangianKeys::Conservative(arrangement, keys)) => {
+                let moves_by_velocity = arrangement.xsph == 0.0 && arrangement.shifting == 0.0;
+                let is_smoothed = self.smoothing > 0 || self.zero_surface_pressure;
+                keys.is_central && moves_by_velocity && !is_smoothed
+            }
+            _ => false,
+        }
     }
 }
 
@@ -237,11 +227,14 @@ impl Fluid {
                     xsph: self.xsph.take().unwrap_or(0.0),
                     least_distance: self.least_distance.take().unwrap_or(0.0),
                 };
-                let form = match form {
-                    Form::Differences => UpdatedForm::Differences(self.take_differences()),
-                    Form::Conservative => UpdatedForm::Conservative(self.take_conservative()),
-                };
-                PointKeys::Lagrangian(LagrangianKeys::Updated(arrangement, form))
+                PointKeys::Lagrangian(match form {
+                    Form::Differences => {
+                        LagrangianKeys::Updated(arrangement, self.take_differences())
+                    }
+                    Form::Conservative => {
+                        LagrangianKeys::Conservative(arrangement, self.take_conservative())
+                    }
+                })
             }
             (Description::Eulerian, form) => PointKeys::Eulerian(EulerianKeys {
                 convection: self.convection.take().unwrap_or_default(),

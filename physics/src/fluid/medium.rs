@@ -7,7 +7,7 @@ use perimelt_core::{Family, SlotField};
 use rayon::prelude::*;
 
 use super::rates::POINTS_PER_TASK;
-use super::state::{DensityChange, State};
+use super::state::State;
 
 /// The fluid and its properties at its present temperature.
 #[derive(Debug)]
@@ -103,10 +103,18 @@ impl Medium {
         1.2 * self.spacing[point]
     }
 
-    /// Pressure of a point after a change of its density, Pa.
-    pub(super) fn pressure(&self, point: usize, density: DensityChange, pressure: f64) -> f64 {
-        self.state
-            .pressure(density, pressure, self.reference_density[point])
+    /// Gives a point another density (`after`, kg/m³), and the pressure that belongs to it.
+    #[inline(always)]
+    pub(super) fn change_density(
+        &self,
+        point: usize,
+        after: f64,
+        density: &mut f64,
+        pressure: &mut f64,
+    ) {
+        let reference = self.reference_density[point];
+        *pressure = self.state.pressure(*density, after, *pressure, reference);
+        *density = after;
     }
 }
 
@@ -176,10 +184,8 @@ mod tests {
         assert_eq!(medium.sound_diffusivity(0), 10.0);
         assert_eq!(medium.smoothing_length(0), 0.6);
         // 2 * 400 (rho / 2 - 1)
-        let change = DensityChange {
-            before: 2.0,
-            after: 3.0,
-        };
-        assert_eq!(medium.pressure(0, change, 9.0), 400.0);
+        let (mut density, mut pressure) = (2.0, 9.0);
+        medium.change_density(0, 3.0, &mut density, &mut pressure);
+        assert_eq!([density, pressure], [3.0, 400.0]);
     }
 }

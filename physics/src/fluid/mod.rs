@@ -67,16 +67,16 @@ pub use lagrangian::collision::Collisions;
 pub use perimelt_core::Description;
 pub use state::{State, Tait};
 
-use nalgebra::Vector3;
 use perimelt_core::{
     Balance, PddoError, Physics, PhysicsReport, RunError, RunningPhysics, Setup, SetupError, Step,
     Stepping, Work, World,
 };
 use serde::{Deserialize, Serialize};
 
+use crate::momentum::Momentum;
 use points::{Points, SavedPoints};
 use rates::Stability;
-use run::FluidRun;
+use run::{FluidRun, MomentumAccount};
 
 /// Steps after which the stable step of points that move is found again.
 const STEPS_BETWEEN_LIMITS: u64 = 64;
@@ -107,13 +107,12 @@ impl RunningPhysics for FluidRun {
     fn start(&mut self, world: &World) -> Result<(), RunError> {
         self.complete_state(world);
         self.initial_mass = self.mass(world);
-        if self.momentum.is_some() {
-            let now = self.sum_of_momenta(world, |_, v| *v);
-            self.momentum = Some([now, Vector3::zeros(), Vector3::zeros()]);
-        }
-        if self.angular_momentum.is_some() {
-            let now = self.sum_of_momenta(world, |x, v| x.cross(v));
-            self.angular_momentum = Some([now, Vector3::zeros(), Vector3::zeros()]);
+        if let Some(MomentumAccount { balanced, .. }) = self.momentum {
+            self.momentum = Some(MomentumAccount {
+                balanced,
+                initial: self.momentum_now(world, balanced),
+                given: Momentum::default(),
+            });
         }
         self.set_configuration(world).map_err(|e| failed(e, 0.0))?;
         if let Points::Lagrangian(_) = self.points {
@@ -161,7 +160,6 @@ impl RunningPhysics for FluidRun {
         Box::new(SavedFluid {
             initial_mass: self.initial_mass,
             momentum: self.momentum,
-            angular_momentum: self.angular_momentum,
             steps: self.steps,
             stability: self.stability,
             points: self.points.save(),
@@ -176,7 +174,6 @@ impl RunningPhysics for FluidRun {
         let saved: SavedFluid = erased_serde::deserialize(state)?;
         self.initial_mass = saved.initial_mass;
         self.momentum = saved.momentum;
-        self.angular_momentum = saved.angular_momentum;
         self.steps = saved.steps;
         self.stability = saved.stability;
         self.stable_step = None;
@@ -190,8 +187,7 @@ impl RunningPhysics for FluidRun {
 #[derive(Serialize, Deserialize)]
 struct SavedFluid {
     initial_mass: f64,
-    momentum: Option<[Vector3<f64>; 3]>,
-    angular_momentum: Option<[Vector3<f64>; 3]>,
+    momentum: Option<MomentumAccount>,
     steps: u64,
     stability: Stability,
     points: SavedPoints,

@@ -6,6 +6,7 @@ use perimelt_core::{
 };
 
 use crate::advection::usual_horizon;
+use crate::momentum::{Balanced, Momentum};
 use crate::shape_tensor::CompleteFamily;
 
 use super::boundaries::{check_closed, check_faces};
@@ -15,7 +16,7 @@ use super::kinds::{FluidKeys, PointKeys};
 use super::lagrangian::LagrangianPoints;
 use super::medium::{Coefficient, Medium};
 use super::points::{Points, Surroundings};
-use super::run::{FluidFields, FluidRun, FluidTemperature, StepSettings};
+use super::run::{FluidFields, FluidRun, FluidTemperature, MomentumAccount, StepSettings};
 use super::treatments::Treatments;
 use super::walls::Walls;
 
@@ -76,8 +77,14 @@ impl FluidRun {
             slots: vec![SlotField::default(); this.dimension],
             steps: 0,
             initial_mass: 0.0,
-            momentum: (is_periodic || !has_faces).then(Default::default),
-            angular_momentum: keeps_angular_momentum.then(Default::default),
+            momentum: (is_periodic || !has_faces).then(|| MomentumAccount {
+                balanced: Balanced {
+                    dimension: this.dimension,
+                    angular: keeps_angular_momentum,
+                },
+                initial: Momentum::default(),
+                given: Momentum::default(),
+            }),
             kinetic_energy: 0.0,
             density_deviation: 0.0,
         })

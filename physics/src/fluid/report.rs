@@ -6,31 +6,17 @@ use perimelt_core::{Balance, Report, World};
 
 use super::run::FluidRun;
 use super::walls::Walls;
+use crate::momentum::balances;
 
 impl FluidRun {
     /// Mass, and momentum and angular momentum where no face takes any.
     pub(super) fn balances(&self, world: &World) -> Vec<Balance> {
         let mass = Balance::new("mass", "kg", self.mass(world), self.initial_mass, 0.0);
         let mut all = vec![mass.of_size(self.initial_mass)];
-        if let Some([initial, given, exchanged]) = self.momentum {
-            let now = self.sum_of_momenta(world, |_, v| *v);
-            let size = self.sum_of_momenta(world, |_, v| Vector3::repeat(v.norm()));
-            for (axis, name) in ["x", "y", "z"].iter().enumerate().take(self.slots.len()) {
-                let name = format!("momentum.{name}");
-                let balance = Balance::new(&name, "N s", now[axis], initial[axis], given[axis]);
-                all.push(balance.of_size(size[axis] + exchanged[axis]));
-            }
-        }
-        if let Some([initial, given, exchanged]) = self.angular_momentum {
-            let now = self.sum_of_momenta(world, |x, v| x.cross(v));
-            let size = self.sum_of_momenta(world, |x, v| Vector3::repeat(x.norm() * v.norm()));
-            let axes = if self.slots.len() == 2 { 2..3 } else { 0..3 };
-            for axis in axes {
-                let name = format!("angular_momentum.{}", ["x", "y", "z"][axis]);
-                let (now, initial, given) = (now[axis], initial[axis], given[axis]);
-                let balance = Balance::new(&name, "N m s", now, initial, given);
-                all.push(balance.of_size(size[axis] + exchanged[axis]));
-            }
+        if let Some(account) = &self.momentum {
+            let now = self.momentum_now(world, account.balanced);
+            let (initial, given) = (&account.initial, &account.given);
+            all.extend(balances(account.balanced, &now, initial, given));
         }
         all
     }

@@ -5,12 +5,14 @@ use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::solver::reduce::sum;
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{PddoError, Read, SlotField, World, Write};
+use serde::{Deserialize, Serialize};
 
 use super::keys::Scheme;
 use super::medium::Medium;
 use super::points::Points;
 use super::rates::Stability;
 use super::treatments::Treatments;
+use crate::momentum::{Balanced, Momentum};
 
 /// A prepared fluid.
 #[derive(Debug)]
@@ -31,15 +33,27 @@ pub(super) struct FluidRun {
     pub(super) slots: Vec<SlotField>,
     pub(super) steps: u64,
     pub(super) initial_mass: f64,
-    /// Where no face takes momentum: at the start, given by forces and walls since, and the sum of the absolute values
-    /// of what they gave in each step, N s.
-    pub(super) momentum: Option<[Vector3<f64>; 3]>,
-    /// Where it is kept: angular momentum about the origin, likewise, N m s.
-    pub(super) angular_momentum: Option<[Vector3<f64>; 3]>,
+    /// Account of the momentum where no face takes any.
+    pub(super) momentum: Option<MomentumAccount>,
     /// J.
     pub(super) kinetic_energy: f64,
     /// Largest `|rho/rho0 - 1|`.
     pub(super) density_deviation: f64,
+}
+
+/// Momentum that a fluid had at the start, and what forces and walls gave since.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct MomentumAccount {
+    pub(super) balanced: Balanced,
+    pub(super) initial: Momentum,
+    pub(super) given: Momentum,
+}
+
+impl MomentumAccount {
+    /// Adds a force (N) and its moment (N m) over a time (s).
+    pub(super) fn give(&mut self, [force, moment]: [Vector3<f64>; 2], time: f64) {
+        self.given += Momentum::of_impulse(time * force, time * moment);
+    }
 }
 
 /// Fields that every fluid has.
@@ -92,7 +106,7 @@ impl FluidRun {
     }
 
     /// Sum of mass times `part(position, velocity)` over the points at their current positions.
-    pub(super) fn sum_of_momenta(
+    fn sum_of_momenta(
         &self,
         world: &World,
         part: impl Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>,
@@ -104,6 +118,23 @@ impl FluidRun {
         let now = world.configuration(self.body);
         let points = velocity.iter().zip(now.positions()).enumerate();
         points.map(|(i, (v, x))| mass(i) * part(x, v)).sum()
+    }
+
+    /// Momentum now, and its sizes: of the speeds, not of the components.
+    pub(super) fn momentum_now(&self, world: &World, balanced: Balanced) -> Momentum {
+        let sum = |part: fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>| -> [f64; 3] {
+            self.sum_of_momenta(world, part).into()
+        };
+        let mut now = Momentum {
+            linear: sum(|_, v| *v),
+            linear_size: sum(|_, v| Vector3::repeat(v.norm())),
+            ..Momentum::default()
+        };
+        if balanced.angular {
+            now.angular = sum(|x, v| x.cross(v));
+            now.angular_size = sum(|x, v| Vector3::repeat(x.norm() * v.norm()));
+        }
+        now
     }
 
     /// Sets the configuration to where displacement and density say that the points are.

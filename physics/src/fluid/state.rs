@@ -38,13 +38,6 @@ fn seven() -> f64 {
     7.0
 }
 
-/// Density of a point before and after a change, kg/m³.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct DensityChange {
-    pub(super) before: f64,
-    pub(super) after: f64,
-}
-
 impl State {
     pub(super) fn check(&self) -> Result<(), SetupError> {
         let (key, value) = match self {
@@ -61,9 +54,8 @@ impl State {
         Err(SetupError::value(key, message, "a positive number"))
     }
 
-    /// Pressure after a change of the density, Pa.
-    pub(super) fn pressure(&self, density: DensityChange, pressure: f64, reference: f64) -> f64 {
-        let DensityChange { before, after } = density;
+    /// Pressure (Pa) after the density went from `before` to `after` (kg/m³).
+    pub(super) fn pressure(&self, before: f64, after: f64, pressure: f64, reference: f64) -> f64 {
         match self {
             State::Tait(t) => {
                 let stiffness = reference * t.sound_speed.powi(2) / t.exponent;
@@ -125,8 +117,7 @@ mod tests {
             (7.0, 5.0, 30.0),
         ] {
             let state = tait(exponent);
-            let change = |before, after| DensityChange { before, after };
-            let found = state.pressure(change(77.0, density), -9.0, 5.0);
+            let found = state.pressure(77.0, density, -9.0, 5.0);
             assert!((found - pressure).abs() < 1e-10, "{exponent}: {found}");
             let found = state.density(pressure, 5.0);
             assert!((found - density).abs() < 1e-12, "{exponent}: {found}");
@@ -135,11 +126,7 @@ mod tests {
         let rate = State::Rate {
             bulk_modulus: 2000.0,
         };
-        let change = DensityChange {
-            before: 4.0,
-            after: 5.0,
-        };
-        assert!((rate.pressure(change, 7.0, 77.0) - 507.0).abs() < 1e-10);
+        assert!((rate.pressure(4.0, 5.0, 7.0, 77.0) - 507.0).abs() < 1e-10);
         assert!((rate.density(500.0, 4.0) - 5.0).abs() < 1e-12);
         assert_eq!(rate.sound_speed(5.0), 20.0);
     }

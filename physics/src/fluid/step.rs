@@ -116,7 +116,7 @@ impl FluidRun {
             volume,
             &mut world.write(self.fields.velocity),
             &mut world.write(self.fields.density),
-            |i, change| pressure[i] = medium.pressure(i, change, pressure[i]),
+            |i, after, rho| medium.change_density(i, after, rho, &mut pressure[i]),
         );
     }
 
@@ -140,15 +140,15 @@ impl FluidRun {
         }
     }
 
-    /// Adds what body force and walls gave to the momentum and its moment, where they are balanced.
+    /// Adds what impulses, body force and walls gave to the account of the momentum.
     fn count_momentum(&mut self, world: &World, step: Step) {
-        if self.momentum.is_none() {
+        let Some(account) = &mut self.momentum else {
             return;
-        }
+        };
         let time = step.size * startup(self.settings.startup, step.middle());
-        self.count_given(self.points.received(world, self.body), 1.0);
-        let mut given = [Vector3::zeros(); 2];
+        account.give(self.points.received(world, self.body), 1.0);
         if let Some(force) = self.fields.body_force {
+            let mut given = [Vector3::zeros(); 2];
             let density = world.read::<f64>(self.fields.density.into());
             let mass = (self.points).masses(&density, &world.body(self.body).points.volume);
             let now = world.configuration(self.body);
@@ -157,25 +157,11 @@ impl FluidRun {
                 given[0] += force;
                 given[1] += x.cross(&force);
             }
+            account.give(given, time);
         }
-        self.count_given(given, time);
         if let Some(walls) = self.points.walls() {
-            let on_walls = walls.total_force(world);
-            let collided = walls.collisions();
-            self.count_given(on_walls, -time);
-            self.count_given(collided, 1.0);
-        }
-    }
-
-    /// Adds a force and its moment over a time (s) to what the fluid was given.
-    fn count_given(&mut self, given: [Vector3<f64>; 2], time: f64) {
-        let accounts = [&mut self.momentum, &mut self.angular_momentum];
-        for (account, given) in accounts.into_iter().zip(given) {
-            if let Some([_, sum, exchanged]) = account {
-                let given = time * given;
-                *sum += given;
-                *exchanged += given.abs();
-            }
+            account.give(walls.total_force(world), -time);
+            account.give(walls.collisions(), 1.0);
         }
     }
 }

@@ -90,7 +90,7 @@ pub(super) fn ringing(keys: &str) -> f64 {
     ringing_in_a_stream(&format!("{keys}\nstep = 0.01"), 0.0)
 }
 
-/// The same in a fluid that flows with this speed, m/s.
+/// [`ringing`] in a fluid that flows with this speed, m/s.
 fn ringing_in_a_stream(keys: &str, speed: f64) -> f64 {
     let keys = format!("{keys}\nstate.tait = {{ sound_speed = 1, exponent = 1 }}");
     let mut s = flow(periodic(16, "density = 1\nviscosity = 1e-9"), &keys, 20.0);

@@ -11,7 +11,6 @@ use crate::shape_tensor::CompleteFamily;
 
 use super::medium::Medium;
 use super::rates::POINTS_PER_TASK;
-use super::state::DensityChange;
 use super::walls::Walls;
 
 /// Fraction of a complete family below which a point counts as a surface point: the first row below a flat surface
@@ -215,14 +214,14 @@ impl Treatments {
 
     /// Velocity and density by moving least squares over points and their neighbours, without images (Gao
     /// (2020), eqs. 5.111 to 5.114; eq. 5.114c lacks the volumes). Points with too few neighbours keep their values.
-    /// `changed` gets each point with the change of its density.
+    /// `change_density` gets each point with its new density.
     pub(super) fn smooth(
         &mut self,
         family: &Family,
         volume: &[f64],
         velocity: &mut [Vector3<f64>],
         density: &mut [f64],
-        mut changed: impl FnMut(usize, DensityChange),
+        mut change_density: impl FnMut(usize, f64, &mut f64),
     ) {
         let dimension = self.dimension;
         let at = |point: usize| {
@@ -256,12 +255,7 @@ impl Treatments {
         smooth.collect_into_vec(&mut self.smooth);
         for (i, smooth) in self.smooth.iter().enumerate() {
             velocity[i] = smooth.xyz();
-            let change = DensityChange {
-                before: density[i],
-                after: smooth.w,
-            };
-            changed(i, change);
-            density[i] = smooth.w;
+            change_density(i, smooth.w, &mut density[i]);
         }
     }
 }
@@ -309,7 +303,13 @@ mod tests {
             assert!((displacement[centre + 1].x - 0.5 * mean).abs() < 1e-12);
 
             let volume = &body.points.volume;
-            treatments.smooth(&family, volume, &mut velocity, &mut density, |_, _| ());
+            treatments.smooth(
+                &family,
+                volume,
+                &mut velocity,
+                &mut density,
+                |_, after, rho| *rho = after,
+            );
             for point in [centre, centre + 1] {
                 assert!((velocity[point].x - mean).abs() < 1e-12, "{dimension}D");
                 assert!((density[point] - 2.0 - mean).abs() < 1e-12, "{dimension}D");

@@ -11,47 +11,13 @@
 //! act along reference bonds and have a moment about current positions in the order of the strain: angular
 //! momentum is not kept, and has no balance.
 
-use std::ops::AddAssign;
-
 use nalgebra::Vector3;
 use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::{Balance, World};
-use serde::{Deserialize, Serialize};
 
 use super::step::MechanicalRun;
-
-/// Sums over a body of momenta or impulses, of their moments about the origin, and of the sizes of both.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Momentum {
-    /// N s.
-    pub(super) linear: [f64; 3],
-    /// N m s.
-    pub(super) angular: [f64; 3],
-    /// Sum of the absolute values, N s.
-    pub(super) linear_size: [f64; 3],
-    /// Sum of the absolute values of the products of the moments, N m s.
-    pub(super) angular_size: [f64; 3],
-}
-
-impl AddAssign for Momentum {
-    fn add_assign(&mut self, other: Self) {
-        for axis in 0..3 {
-            self.linear[axis] += other.linear[axis];
-            self.angular[axis] += other.angular[axis];
-            self.linear_size[axis] += other.linear_size[axis];
-            self.angular_size[axis] += other.angular_size[axis];
-        }
-    }
-}
-
-/// Which momenta of a body are balanced: no others are summed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Balanced {
-    /// Of the body.
-    pub(super) dimension: usize,
-    /// Angular momentum is, too: under finite kinematics.
-    pub(super) angular: bool,
-}
+use crate::momentum;
+pub(super) use crate::momentum::{Balanced, Momentum};
 
 /// A momentum or impulse (N s), behind the position where it is (m).
 pub(super) type Located = [[f64; 3]; 2];
@@ -184,26 +150,7 @@ impl MechanicalRun {
 
     /// Balances of momentum and, under finite kinematics, of angular momentum about the origin.
     pub(super) fn balances(&self, world: &World) -> Vec<Balance> {
-        let (now, initial) = (self.momentum(world), &self.state.initial);
-        let given = &self.state.given;
-        let Balanced { dimension, angular } = self.balanced;
-        let linear = (0..dimension).map(|a| {
-            let name = format!("momentum.{}", ["x", "y", "z"][a]);
-            let (initial, given_to) = (initial.linear[a], given.linear[a]);
-            Balance::new(&name, "N s", now.linear[a], initial, given_to)
-                .of_size(now.linear_size[a] + given.linear_size[a])
-        });
-        let axes = match (angular, dimension) {
-            (true, 2) => 2..3,
-            (true, 3) => 0..3,
-            _ => 0..0,
-        };
-        let angular = axes.map(|a| {
-            let name = format!("angular_momentum.{}", ["x", "y", "z"][a]);
-            let (initial, given_to) = (initial.angular[a], given.angular[a]);
-            Balance::new(&name, "N m s", now.angular[a], initial, given_to)
-                .of_size(now.angular_size[a] + given.angular_size[a])
-        });
-        linear.chain(angular).collect()
+        let (now, state) = (self.momentum(world), &self.state);
+        momentum::balances(self.balanced, &now, &state.initial, &state.given)
     }
 }

@@ -36,10 +36,10 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::momentum::AXES;
 use degrees::{ByDegree, Degree, Freedoms, Prescribed, Turning};
 use inertia::{AngularVelocity, Inertia};
 use mass::{MassProperties, PointWeights, Resultant};
-use report::AXES;
 use rotation::PrincipalInertia;
 use state::{RigidDynamics, RigidState, Wrench};
 

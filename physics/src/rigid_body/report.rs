@@ -6,14 +6,17 @@ use perimelt_core::{Balance, Report, World};
 
 use super::RunningRigidBody;
 use super::degrees::Turning;
+use super::state::Momenta;
+use crate::momentum::{AXES, Balanced, Momentum, axes_of_rotation, balances};
 
-pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
-
-/// x, y and z in 3D, z in 2D.
-fn axes_of_rotation(dimension: usize) -> std::ops::Range<usize> {
-    match dimension {
-        2 => 2..3,
-        _ => 0..3,
+impl From<Momenta> for Momentum {
+    /// Without sizes.
+    fn from(momenta: Momenta) -> Self {
+        Momentum {
+            linear: momenta.momentum.into(),
+            angular: momenta.angular.into(),
+            ..Momentum::default()
+        }
     }
 }
 
@@ -21,21 +24,17 @@ impl RunningRigidBody {
     /// Balances of momentum, and of angular momentum about the origin, of the axes that exist.
     pub(super) fn balances(&self, world: &World) -> Vec<Balance> {
         let (now, state) = (self.dynamics.momenta(&self.state), &self.state);
-        let [momentum, angular] = self.sizes(world);
-        let dimension = self.dynamics.freedoms.dimension;
-        let linear = (0..dimension).map(|axis| {
-            let name = format!("momentum.{}", AXES[axis]);
-            let (initial, given) = (state.initial.momentum[axis], state.given.momentum[axis]);
-            Balance::new(&name, "N s", now.momentum[axis], initial, given)
-                .of_size(momentum.max(state.exchanged[0]))
-        });
-        let rotation = axes_of_rotation(dimension).map(|axis| {
-            let name = format!("angular_momentum.{}", AXES[axis]);
-            let (initial, given) = (state.initial.angular[axis], state.given.angular[axis]);
-            Balance::new(&name, "N m s", now.angular[axis], initial, given)
-                .of_size(angular.max(state.exchanged[1]))
-        });
-        linear.chain(rotation).collect()
+        let [linear, angular] = self.sizes(world);
+        let now = Momentum {
+            linear_size: [linear.max(state.exchanged[0]); 3],
+            angular_size: [angular.max(state.exchanged[1]); 3],
+            ..now.into()
+        };
+        let balanced = Balanced {
+            dimension: self.dynamics.freedoms.dimension,
+            angular: true,
+        };
+        balances(balanced, &now, &state.initial.into(), &state.given.into())
     }
 
     /// Sums of the sizes of the points' momenta (N s) and angular momenta about the origin (N m s).

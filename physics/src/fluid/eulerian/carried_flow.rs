@@ -37,7 +37,7 @@ pub(super) struct CarriedFields<'a> {
 
 /// Convection with its work arrays.
 #[derive(Debug)]
-pub(in crate::fluid) struct CarriedFlow {
+pub(crate) struct CarriedFlow {
     convection: Convection,
     /// Flux of mass, kg/(m² s).
     pub(super) mass: Flux,
@@ -142,7 +142,7 @@ impl CarriedFlow {
     }
 
     /// Rate at which the momentum of short waves along an axis decays, N/m³.
-    pub(in crate::fluid) fn short_waves(&self, point: usize, axis: usize) -> f64 {
+    pub(crate) fn short_waves(&self, point: usize, axis: usize) -> f64 {
         self.short_waves[axis].rate(point)
     }
 

@@ -2,9 +2,9 @@
 
 mod carried_flow;
 mod differences;
-pub(in crate::fluid) mod fluxes;
-pub(in crate::fluid) mod immersed;
-pub(in crate::fluid) mod point_motion;
+pub(super) mod fluxes;
+pub(super) mod immersed;
+pub(super) mod point_motion;
 
 use nalgebra::Vector3;
 use perimelt_core::plugin::check_length;

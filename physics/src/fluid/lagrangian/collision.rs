@@ -64,7 +64,7 @@ impl Default for Collisions {
 }
 
 impl Collisions {
-    pub(in crate::fluid) fn check(&self) -> Result<(), SetupError> {
+    pub(crate) fn check(&self) -> Result<(), SetupError> {
         let numbers = [
             ("collisions.restitution", self.restitution),
             ("collisions.distance", self.distance),
@@ -81,35 +81,35 @@ impl Collisions {
 }
 
 /// Points of the fluid during a step.
-pub(in crate::fluid) struct FluidPoints<'a> {
+pub(crate) struct FluidPoints<'a> {
     /// m/s.
-    pub(in crate::fluid) velocity: &'a mut [Vector3<f64>],
+    pub(crate) velocity: &'a mut [Vector3<f64>],
     /// kg.
-    pub(in crate::fluid) mass: &'a [f64],
+    pub(crate) mass: &'a [f64],
     /// Pa.
-    pub(in crate::fluid) pressure: &'a [f64],
-    pub(in crate::fluid) rule: Collisions,
+    pub(crate) pressure: &'a [f64],
+    pub(crate) rule: Collisions,
     /// Size of the step, s.
-    pub(in crate::fluid) dt: f64,
+    pub(crate) dt: f64,
 }
 
 /// A wall as collisions see it.
-pub(in crate::fluid) struct CollisionWall<'a> {
+pub(crate) struct CollisionWall<'a> {
     /// All walls of the fluid.
-    pub(in crate::fluid) interfaces: &'a [Interface<'a>],
+    pub(crate) interfaces: &'a [Interface<'a>],
     /// Place of this wall among them.
-    pub(in crate::fluid) number: usize,
+    pub(crate) number: usize,
     /// Spacing of the wall, m.
-    pub(in crate::fluid) spacing: f64,
+    pub(crate) spacing: f64,
     /// Masses of its points, kg; `None` for a rigid body.
-    pub(in crate::fluid) mass: Option<&'a [f64]>,
+    pub(crate) mass: Option<&'a [f64]>,
 }
 
 /// An impulse (N s) on a fluid point; the wall has the opposite.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::fluid) struct Hit {
-    pub(in crate::fluid) point: usize,
-    pub(in crate::fluid) impulse: Vector3<f64>,
+pub(crate) struct Hit {
+    pub(crate) point: usize,
+    pub(crate) impulse: Vector3<f64>,
 }
 
 /// Fraction of an impulse that a point of the wall, seen through a bond, takes.
@@ -126,7 +126,7 @@ impl CollisionWall<'_> {
 
     /// Lets points of the fluid collide with the wall, whose points have these velocities (m/s). Appends the impulses on
     /// points of the wall to `impulses` (N s) and passes each one on the fluid to `receive`.
-    pub(in crate::fluid) fn collide(
+    pub(crate) fn collide(
         &self,
         fluid: &mut FluidPoints<'_>,
         velocity: &mut [Vector3<f64>],

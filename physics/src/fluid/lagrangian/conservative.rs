@@ -28,18 +28,18 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::family::{Mirrored, Rising};
 use perimelt_core::pddo::largest_wave_number;
-use perimelt_core::{Body, Bond, BondKernel, Family, SlotField, World};
+use perimelt_core::{Body, Family, SlotField, World};
 use rayon::prelude::*;
 
 use crate::shape_tensor::{COMPONENTS, CompleteFamily, components, inverted};
 
 use super::FollowedFamily;
+use super::pair_laws::{Push, PushInputs, Survey, SurveyInputs, SurveySums, kernel_over_influence};
 use super::walls::FluidAtWall;
 use crate::fluid::kinds::ConservativeKeys;
 use crate::fluid::medium::Medium;
 use crate::fluid::points::Surroundings;
 use crate::fluid::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
-use crate::fluid::state::DensityChange;
 use crate::fluid::walls::Walls;
 
 /// Rates of the conservative form.
@@ -85,125 +85,12 @@ struct Surveyed {
     crowding: f64,
 }
 
-/// All sums over the velocity and density around a point in one pass, from [`SurveyInputs`] to [`SurveySums`].
-struct Survey<const D: usize> {
-    /// `2 / a`, 1/m.
-    laplacian: f64,
-    /// m.
-    horizon: f64,
-    /// 0 for viscous forces along bonds, else 1.
-    plain: f64,
-    /// `(d + 2) / r^2` for viscous forces along bonds, `(d + 2) (v_j - v_i) . xi xi / r^2` in place of `v_j - v_i`, with
-    /// the mean `r^2 = sum w |xi|^4 / sum w |xi|^2` of a complete family; else 0. 1/m².
-    central: f64,
-}
-
-/// Where the inputs of [`Survey`] begin: the velocity as mirrored by walls, as held by walls, density, viscosity.
-pub(super) struct SurveyInputs<const D: usize>;
-
-impl<const D: usize> SurveyInputs<D> {
-    pub(super) const HELD: usize = D;
-    pub(super) const DENSITY: usize = Self::HELD + D;
-    pub(super) const VISCOSITY: usize = Self::DENSITY + 1;
-    const COUNT: usize = Self::VISCOSITY + 1;
-}
-
-/// Where the sums of [`Survey`] begin: the shape tensor `A`, `sum w xi (v_j - v_i)`, viscous force, friction,
-/// `(2/a) sum w (rho_j - rho_i)`, `(2/a) sum w xi`, kernel sum.
-struct SurveySums<const D: usize>;
-
-impl<const D: usize> SurveySums<D> {
-    const SLOPES: usize = components(D);
-    const FORCE: usize = Self::SLOPES + D * D;
-    const FRICTION: usize = Self::FORCE + D;
-    const DENSITY_LAPLACIAN: usize = Self::FRICTION + 1;
-    const ASYMMETRY: usize = Self::DENSITY_LAPLACIAN + 1;
-    const CROWDING: usize = Self::ASYMMETRY + D;
-    const COUNT: usize = Self::CROWDING + 1;
-    /// What a wall with slip does not exert: the force of viscosity and its heat.
-    const VISCOUS: std::ops::Range<usize> = Self::FORCE..Self::FRICTION + 1;
-}
-
-/// Where the inputs of [`Push`] begin: the pressure, `A^-1`.
-struct PushInputs<const D: usize>;
-
-impl<const D: usize> PushInputs<D> {
-    const INVERSE: usize = 1;
-    const COUNT: usize = Self::INVERSE + components(D);
-}
-
 const INPUTS_2D: usize = SurveyInputs::<2>::COUNT;
 const INPUTS_3D: usize = SurveyInputs::<3>::COUNT;
 const SUMS_2D: usize = SurveySums::<2>::COUNT;
 const SUMS_3D: usize = SurveySums::<3>::COUNT;
 const PUSH_2D: usize = PushInputs::<2>::COUNT;
 const PUSH_3D: usize = PushInputs::<3>::COUNT;
-
-/// Kernel over influence of Wendland, for a fraction of the horizon.
-#[inline(always)]
-fn kernel_over_influence(fraction: f64) -> f64 {
-    (1.0 - fraction) * (1.0 + 4.0 * fraction)
-}
-
-impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey<D> {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
-        let Bond { xi, weight, .. } = *bond;
-        let difference: [f64; I] = std::array::from_fn(|i| other[i] - own[i]);
-        let (along, mirrored) = (&xi[..D], &difference[..D]);
-        let held = &difference[SurveyInputs::<D>::HELD..SurveyInputs::<D>::DENSITY];
-        let (mut sums, mut at) = ([0.0; O], 0);
-        let mut put = |value: f64| {
-            sums[at] = value;
-            at += 1;
-        };
-        for &(a, b) in &COMPONENTS[..components(D)] {
-            put(weight * xi[a] * xi[b]);
-        }
-        for v in mirrored {
-            for x in along {
-                put(weight * v * x);
-            }
-        }
-        let diffusive = weight * self.laplacian;
-        let viscosity = SurveyInputs::<D>::VISCOSITY;
-        let viscous = diffusive * 0.5 * (own[viscosity] + other[viscosity]);
-        let stretch: f64 = (0..D).map(|a| held[a] * xi[a]).sum();
-        let (plain, central) = (viscous * self.plain, viscous * self.central * stretch);
-        let mut work = central * stretch;
-        for (v, x) in held.iter().zip(along) {
-            put(plain * v + central * x);
-            work += plain * v * v;
-        }
-        // each end gets half of the work of the pair
-        put(0.5 * work);
-        put(diffusive * difference[SurveyInputs::<D>::DENSITY]);
-        for x in along {
-            put(diffusive * x);
-        }
-        put(weight * kernel_over_influence(bond.length / self.horizon));
-        sums
-    }
-}
-
-/// `-sum w (p_i A_i^-1 + p_j A_j^-1) xi`, from pressure and `A^-1`.
-struct Push<const D: usize>;
-
-impl<const D: usize, const I: usize> BondKernel<I, D> for Push<D> {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; D] {
-        let mut sums = [0.0; D];
-        for (n, &(a, b)) in COMPONENTS[..components(D)].iter().enumerate() {
-            let inverse = PushInputs::<D>::INVERSE + n;
-            let part = -bond.weight * (own[0] * own[inverse] + other[0] * other[inverse]);
-            sums[a] += part * bond.xi[b];
-            if a != b {
-                sums[b] += part * bond.xi[a];
-            }
-        }
-        sums
-    }
-}
 
 impl Conservative {
     pub(super) fn new(
@@ -245,17 +132,8 @@ impl Conservative {
         2.0 / self.complete.moment
     }
 
-    /// The kernel of [`Conservative::survey`].
     fn survey_kernel<const D: usize>(&self) -> Survey<D> {
-        Survey {
-            laplacian: self.laplacian(),
-            horizon: self.horizon,
-            plain: if self.keys.is_central { 0.0 } else { 1.0 },
-            central: match self.keys.is_central {
-                true => (D as f64 + 2.0) / self.complete.mean_square,
-                false => 0.0,
-            },
-        }
+        Survey::new(&self.complete, self.horizon, self.keys.is_central)
     }
 
     /// In `D` dimensions, with `I` inputs and `O` sums.
@@ -471,12 +349,7 @@ impl Rates for Conservative {
             }
             let sound = medium.sound_speed(i) / medium.spacing[i];
             rate += self.keys.volume_relaxation * sound * before * found.crowding;
-            *rho += terms.dt * rate;
-            let change = DensityChange {
-                before,
-                after: *rho,
-            };
-            *p = medium.pressure(i, change, *p);
+            medium.change_density(i, before + terms.dt * rate, rho, p);
         });
     }
 

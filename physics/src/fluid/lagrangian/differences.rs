@@ -9,7 +9,6 @@ use crate::advection::Flux;
 use crate::fluid::differences::Differences;
 use crate::fluid::medium::Medium;
 use crate::fluid::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
-use crate::fluid::state::DensityChange;
 
 /// Rates at points that carry their mass.
 #[derive(Debug)]
@@ -71,20 +70,8 @@ impl Rates for LagrangianDifferences {
     }
 
     fn advance_density(&mut self, terms: &Terms<'_>, density: &mut [f64], pressure: &mut [f64]) {
-        let medium = terms.medium;
-        let points = density.par_iter_mut().zip(pressure).enumerate();
-        points
-            .with_min_len(POINTS_PER_TASK)
-            .for_each(|(i, (rho, p))| {
-                let before = *rho;
-                let carried = before * self.flux.divergence[i];
-                *rho += terms.dt * (self.core.diffusion_rate(terms, i) - carried);
-                let change = DensityChange {
-                    before,
-                    after: *rho,
-                };
-                *p = medium.pressure(i, change, *p);
-            });
+        let carried = |i, rho| rho * self.flux.divergence[i];
+        self.core.advance_density(terms, density, pressure, carried);
     }
 
     fn advance_velocity(

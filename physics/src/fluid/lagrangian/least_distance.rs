@@ -30,19 +30,19 @@ const SWEEPS: usize = 200;
 const TOLERANCE: f64 = 1e-6;
 
 /// Points of a fluid that keep a distance.
-pub(in crate::fluid) struct DistantPoints<'a> {
-    pub(in crate::fluid) body: &'a Body,
-    pub(in crate::fluid) family: &'a Family,
+pub(super) struct DistantPoints<'a> {
+    pub(super) body: &'a Body,
+    pub(super) family: &'a Family,
     /// How the velocity continues behind faces: which of them are closed.
-    pub(in crate::fluid) rules: &'a [LayerRule],
+    pub(super) rules: &'a [LayerRule],
     /// Now, m.
-    pub(in crate::fluid) position: &'a [Vector3<f64>],
+    pub(super) position: &'a [Vector3<f64>],
     /// kg.
-    pub(in crate::fluid) mass: &'a [f64],
+    pub(super) mass: &'a [f64],
     /// m.
-    pub(in crate::fluid) distance: f64,
+    pub(super) distance: f64,
     /// Size of the step, s.
-    pub(in crate::fluid) dt: f64,
+    pub(super) dt: f64,
 }
 
 /// Two points that may collide.
@@ -70,7 +70,7 @@ struct AtFace {
 
 impl DistantPoints<'_> {
     /// Takes the approach of points that would come too close to each other or to a closed face in this step.
-    pub(in crate::fluid) fn keep(&self, velocity: &mut [Vector3<f64>]) {
+    pub(super) fn keep(&self, velocity: &mut [Vector3<f64>]) {
         let square = velocity.par_iter().map(Vector3::norm_squared);
         let fastest = square.reduce(|| 0.0, f64::max).sqrt();
         let (pairs, at_faces) = (self.pairs(fastest), self.at_faces(fastest));
@@ -282,7 +282,7 @@ mod tests {
             velocity
         }
 
-        /// Of all points, at their positions before the step.
+        /// Momentum, angular momentum and kinetic energy of all points, at their positions before the step.
         fn sums(&self, velocity: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>, f64) {
             let mut sums = (Vector3::zeros(), Vector3::zeros(), 0.0);
             for ((v, x), m) in velocity.iter().zip(&self.position).zip(&self.mass) {

@@ -1,13 +1,15 @@
 //! Points that carry their mass: of the updated Lagrangian description, which change neighbours, and of the total one, which keep
 //! them.
 //!
-//! Forces between pairs of points belong to the form of the equations ([`LagrangianForm`]).
+//! Forces between pairs of points belong to the form of the equations ([`LagrangianForm`]); those of the conservative form are laws
+//! ([`pair_laws`]), of which surface tension will be one.
 
-pub(in crate::fluid) mod collision;
+pub(super) mod collision;
 mod conservative;
 mod differences;
 mod least_distance;
 mod motion;
+mod pair_laws;
 mod walls;
 
 pub(super) use motion::MotionStep;
@@ -27,11 +29,10 @@ use serde::{Deserialize, Serialize};
 use crate::advection::FlowFamily;
 
 use super::differences::Differences;
-use super::kinds::{Arrangement, LagrangianKeys, UpdatedForm};
+use super::kinds::{Arrangement, LagrangianKeys};
 use super::medium::Medium;
 use super::points::Surroundings;
 use super::rates::{LargestSums, Rates, Stability};
-use super::state::DensityChange;
 use super::walls::{WallMotion, Walls};
 use conservative::Conservative;
 use differences::LagrangianDifferences;
@@ -102,7 +103,7 @@ struct FollowedFamily<'a> {
 impl Moving {
     fn prepare(
         arrangement: Arrangement,
-        form: &UpdatedForm,
+        is_closed: bool,
         setup: &mut Setup<'_>,
         around: &Surroundings,
     ) -> Result<Self, SetupError> {
@@ -110,7 +111,6 @@ impl Moving {
         let mover = setup.move_points(around.body);
         let family = setup.world().family(around.family);
         let points = &setup.body(around.body).points;
-        let is_closed = matches!(form, UpdatedForm::Conservative(keys) if keys.is_closed);
         Ok(Moving {
             mover,
             family: around.family,
@@ -137,19 +137,24 @@ impl LagrangianPoints {
                 setup.publish(around.body, FlowFamily(around.family))?;
                 None
             }
-            LagrangianKeys::Updated(arrangement, form) => {
-                Some(Moving::prepare(*arrangement, form, setup, &around)?)
+            LagrangianKeys::Updated(arrangement, _) => {
+                Some(Moving::prepare(*arrangement, false, setup, &around)?)
             }
+            LagrangianKeys::Conservative(arrangement, keys) => Some(Moving::prepare(
+                *arrangement,
+                keys.is_closed,
+                setup,
+                &around,
+            )?),
         };
         let family = setup.world().family(around.family);
         let body = setup.body(around.body);
         let form = match keys {
-            LagrangianKeys::Total(keys)
-            | LagrangianKeys::Updated(_, UpdatedForm::Differences(keys)) => {
+            LagrangianKeys::Total(keys) | LagrangianKeys::Updated(_, keys) => {
                 let core = Differences::prepare(keys, body, family)?;
                 LagrangianForm::Differences(Box::new(LagrangianDifferences::new(core)))
             }
-            LagrangianKeys::Updated(_, UpdatedForm::Conservative(keys)) => {
+            LagrangianKeys::Conservative(_, keys) => {
                 let rates = Conservative::new(keys, body, family, around);
                 LagrangianForm::Conservative(Box::new(rates))
             }
@@ -264,13 +269,7 @@ impl LagrangianPoints {
         let filled = sum_of([&moving.mass, density], |[mass, density]| mass / density);
         let factor = filled / container;
         for (i, (rho, p)) in density.iter_mut().zip(pressure).enumerate() {
-            let before = *rho;
-            *rho *= factor;
-            let change = DensityChange {
-                before,
-                after: *rho,
-            };
-            *p = medium.pressure(i, change, *p);
+            medium.change_density(i, *rho * factor, rho, p);
         }
     }
 

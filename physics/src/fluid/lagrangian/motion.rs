@@ -17,22 +17,22 @@ use crate::fluid::medium::Medium;
 use crate::fluid::treatments::{Around, Treatments};
 
 /// What a displacement takes into account.
-pub(in crate::fluid) struct MotionStep<'a> {
-    pub(in crate::fluid) world: &'a World,
-    pub(in crate::fluid) body: BodyIndex,
-    pub(in crate::fluid) medium: &'a Medium,
-    pub(in crate::fluid) pressure: Read<f64>,
+pub(crate) struct MotionStep<'a> {
+    pub(crate) world: &'a World,
+    pub(crate) body: BodyIndex,
+    pub(crate) medium: &'a Medium,
+    pub(crate) pressure: Read<f64>,
     /// How the velocity continues behind faces.
-    pub(in crate::fluid) rules: &'a [LayerRule],
+    pub(crate) rules: &'a [LayerRule],
     /// Components of the velocity by slot, as last set, m/s.
-    pub(in crate::fluid) slots: &'a [SlotField],
+    pub(crate) slots: &'a [SlotField],
     /// s.
-    pub(in crate::fluid) dt: f64,
+    pub(crate) dt: f64,
 }
 
 impl LagrangianPoints {
     /// Displaces the points with their velocities (m/s), which collisions and faces change.
-    pub(in crate::fluid) fn displace(
+    pub(crate) fn displace(
         &mut self,
         step: &MotionStep<'_>,
         treatments: &mut Treatments,

@@ -6,16 +6,13 @@ use perimelt_core::world::BodyIndex;
 use perimelt_core::{BondKernel, SlotField, World};
 
 use super::collision::{CollisionWall, FluidPoints};
-use super::conservative::SurveyInputs;
+use super::pair_laws::SurveyInputs;
 use crate::fluid::treatments::Crowding;
 use crate::fluid::walls::{WallBody, Walls, places};
 
 /// Fields of the fluid by slot, and what weighs on it.
-pub(in crate::fluid) struct FluidAtWall<
-    'a,
-    S: Fn(usize) -> usize + Sync,
-    F: Fn(usize) -> Vector3<f64> + Sync,
-> {
+pub(crate) struct FluidAtWall<'a, S: Fn(usize) -> usize + Sync, F: Fn(usize) -> Vector3<f64> + Sync>
+{
     /// Slot of a point.
     pub slot_of: S,
     /// Components of the velocity, m/s.
@@ -32,12 +29,7 @@ pub(in crate::fluid) struct FluidAtWall<
 
 impl Walls {
     /// Lets fluid points that would penetrate walls collide with them, before they are displaced.
-    pub(in crate::fluid) fn collide(
-        &mut self,
-        world: &World,
-        body: BodyIndex,
-        mut fluid: FluidPoints<'_>,
-    ) {
+    pub(crate) fn collide(&mut self, world: &World, body: BodyIndex, mut fluid: FluidPoints<'_>) {
         if self.is_empty() {
             return;
         }
@@ -66,7 +58,7 @@ impl Walls {
     }
 
     /// Finds velocity, density, viscosity and compression of the ghosts.
-    pub(in crate::fluid) fn set_velocity<S, F>(&mut self, fluid: &FluidAtWall<'_, S, F>)
+    pub(crate) fn set_velocity<S, F>(&mut self, fluid: &FluidAtWall<'_, S, F>)
     where
         S: Fn(usize) -> usize + Sync,
         F: Fn(usize) -> Vector3<f64> + Sync,
@@ -76,7 +68,7 @@ impl Walls {
 
     /// Adds the bonds to ghosts to the sums of a kernel of the velocity, one row of `O` for each point; `forces`: the
     /// sums that are a force of viscosity, or its heat, which a wall with slip does not have.
-    pub(in crate::fluid) fn add_velocity<const D: usize, const I: usize, const O: usize>(
+    pub(crate) fn add_velocity<const D: usize, const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
         own: impl Fn(usize) -> [f64; I] + Sync,
@@ -95,7 +87,7 @@ impl Walls {
 
     /// Adds the points of the walls to the sums of `kernel` over neighbours that count one each. A wall point counts as
     /// its volume in those of a fluid point, so that a finer solid does not repel more.
-    pub(in crate::fluid) fn add_crowding(&self, kernel: &Crowding, sums: &mut [[f64; 6]]) {
+    pub(crate) fn add_crowding(&self, kernel: &Crowding, sums: &mut [[f64; 6]]) {
         let mut found = Vec::new();
         for wall in &self.bodies {
             let part = |n: usize| {
@@ -114,7 +106,7 @@ impl Walls {
     }
 
     /// Passes each fluid point at a wall, with the compression of ghosts that it takes up (1/s), to `receive`.
-    pub(in crate::fluid) fn for_each_compression(&mut self, mut receive: impl FnMut(usize, f64)) {
+    pub(crate) fn for_each_compression(&mut self, mut receive: impl FnMut(usize, f64)) {
         for wall in &mut self.bodies {
             let (bonds, points) = (&wall.bonds, &wall.points);
             let part = |n: usize| {
@@ -130,7 +122,7 @@ impl Walls {
 }
 
 impl WallBody {
-    pub(in crate::fluid) fn set_velocity<S, F>(&mut self, fluid: &FluidAtWall<'_, S, F>)
+    pub(crate) fn set_velocity<S, F>(&mut self, fluid: &FluidAtWall<'_, S, F>)
     where
         S: Fn(usize) -> usize + Sync,
         F: Fn(usize) -> Vector3<f64> + Sync,
@@ -179,7 +171,7 @@ impl WallBody {
     }
 
     /// What a bond adds to the sums of a kernel of the velocity of its fluid point.
-    pub(in crate::fluid) fn velocity_part<const D: usize, const I: usize, const O: usize>(
+    pub(crate) fn velocity_part<const D: usize, const I: usize, const O: usize>(
         &self,
         number: usize,
         kernel: &impl BondKernel<I, O>,

@@ -223,13 +223,25 @@ fn smoothing_leaves_linear_fields_as_they_are() {
     let mut density: Vec<f64> = place.iter().map(linear).collect();
     let (v0, rho0) = (velocity.clone(), density.clone());
     let volume = &body.points.volume;
-    treatments.smooth(&family, volume, &mut velocity, &mut density, |_, _| ());
+    treatments.smooth(
+        &family,
+        volume,
+        &mut velocity,
+        &mut density,
+        |_, after, rho| *rho = after,
+    );
     for i in 0..v0.len() {
         // rounding of a solution by four
         assert!((velocity[i] - v0[i]).norm() < 1e-12 && (density[i] - rho0[i]).abs() < 1e-12);
     }
     density[100] += 1.0;
-    treatments.smooth(&family, volume, &mut velocity, &mut density, |_, _| ());
+    treatments.smooth(
+        &family,
+        volume,
+        &mut velocity,
+        &mut density,
+        |_, after, rho| *rho = after,
+    );
     assert!((density[100] - rho0[100]).abs() < 0.5, "a peak is smoothed");
 }
 

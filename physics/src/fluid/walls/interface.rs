@@ -35,28 +35,28 @@ type Moments = SMatrix<f64, MONOMIALS, MONOMIALS>;
 
 /// The field `interface_normal` of a solid.
 #[derive(Debug)]
-pub(in crate::fluid) struct NormalField {
+pub(crate) struct NormalField {
     field: Write<Vector3<f64>>,
     /// Whether it is needed in every step, not only when a state is logged.
-    pub(in crate::fluid) is_read: bool,
+    pub(crate) is_read: bool,
 }
 
 impl NormalField {
     /// `None` for a solid between two fluids, which has the normals of the first one.
-    pub(in crate::fluid) fn declare(setup: &mut Setup<'_>, solid: BodyIndex) -> Option<Self> {
+    pub(crate) fn declare(setup: &mut Setup<'_>, solid: BodyIndex) -> Option<Self> {
         let field = setup.write(solid, &keys::INTERFACE_NORMAL).ok()?;
         let is_read = setup.is_declared(solid, &keys::INTERFACE_NORMAL, Access::Read);
         Some(NormalField { field, is_read })
     }
 
     /// Normals from a solid to a fluid whose points rest.
-    pub(in crate::fluid) fn set_to(&self, world: &World, outward: &[Vector3<f64>]) {
+    pub(crate) fn set_to(&self, world: &World, outward: &[Vector3<f64>]) {
         let mut normals = world.write(self.field);
         let points = normals.iter_mut().zip(outward);
         points.for_each(|(normal, outward)| *normal = -outward);
     }
 
-    pub(in crate::fluid) fn set(&self, world: &World, interface: &Interface<'_>) {
+    pub(crate) fn set(&self, world: &World, interface: &Interface<'_>) {
         let mut normals = world.write(self.field);
         let points = normals.par_iter_mut().enumerate();
         points.for_each(|(point, normal)| *normal = interface.normal(point));
@@ -65,21 +65,21 @@ impl NormalField {
 
 /// A solid beside a fluid.
 #[derive(Clone, Copy)]
-pub(in crate::fluid) struct Interface<'a> {
+pub(crate) struct Interface<'a> {
     /// Bonds of the fluid to the solid.
-    pub(in crate::fluid) bonds: &'a ForeignBonds,
+    pub(crate) bonds: &'a ForeignBonds,
     /// Points of the solid.
-    pub(in crate::fluid) solid: Places<'a>,
+    pub(crate) solid: Places<'a>,
     /// m.
-    pub(in crate::fluid) horizon: f64,
+    pub(crate) horizon: f64,
     /// Spacing of the fluid, m.
-    pub(in crate::fluid) spacing: f64,
-    pub(in crate::fluid) dimension: usize,
+    pub(crate) spacing: f64,
+    pub(crate) dimension: usize,
 }
 
 impl Interface<'_> {
     /// Normal by the colour gradient at a point of the solid, zero away from the interface.
-    pub(in crate::fluid) fn normal(&self, point: usize) -> Vector3<f64> {
+    pub(crate) fn normal(&self, point: usize) -> Vector3<f64> {
         let gradient = self.colour_gradient(point);
         match gradient.norm() > CUT_OFF / self.spacing {
             true => gradient.normalize(),
@@ -88,7 +88,7 @@ impl Interface<'_> {
     }
 
     /// Gradient of the colour at a point of the solid, 1/m; zero where its neighbours do not determine derivatives.
-    pub(in crate::fluid) fn colour_gradient(&self, point: usize) -> Vector3<f64> {
+    pub(crate) fn colour_gradient(&self, point: usize) -> Vector3<f64> {
         if self.bonds.bonds_to(point).is_empty() {
             return Vector3::zeros();
         }
@@ -161,10 +161,7 @@ impl Interface<'_> {
 
 /// Normal of walls of one fluid at the position (m) of a point of theirs; `None` inside, and where they are too thin to tell
 /// their sides.
-pub(in crate::fluid) fn wall_normal(
-    walls: &[Interface<'_>],
-    at: &Vector3<f64>,
-) -> Option<Vector3<f64>> {
+pub(crate) fn wall_normal(walls: &[Interface<'_>], at: &Vector3<f64>) -> Option<Vector3<f64>> {
     let (mut sum, mut size) = (Vector3::zeros(), 0.0);
     for wall in walls {
         wall.for_each_in_solid(at, |xi, volume| {

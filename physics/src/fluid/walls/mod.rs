@@ -334,7 +334,7 @@ impl WallBody {
     }
 
     /// What a bond adds to the force of the pressure on its fluid point, N/m³.
-    pub(in crate::fluid) fn pressure_part<const I: usize, const D: usize>(
+    pub(super) fn pressure_part<const I: usize, const D: usize>(
         &self,
         number: usize,
         kernel: &impl BondKernel<I, D>,

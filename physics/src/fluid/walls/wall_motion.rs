@@ -11,18 +11,18 @@ use serde::{Deserialize, Serialize};
 /// than those of the fluid vibrates between two impulses, and what it has at the end of each step is the rebound from
 /// the pressure. For a wall without forces of its own both are the same.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(in crate::fluid) struct WallMotion {
+pub(crate) struct WallMotion {
     /// Time at which the points were where they are, s.
     time: f64,
     /// m.
     position: Vec<Vector3<f64>>,
     /// m/s.
-    pub(in crate::fluid) velocity: Vec<Vector3<f64>>,
+    pub(crate) velocity: Vec<Vector3<f64>>,
 }
 
 impl WallMotion {
     /// Takes the positions (m) of `body` at a time (s); `velocity` (m/s) counts before the first step.
-    pub(in crate::fluid) fn follow(
+    pub(crate) fn follow(
         &mut self,
         body: &Body,
         time: f64,
@@ -47,7 +47,7 @@ impl WallMotion {
 }
 
 /// A way (m) without the extents of a periodic body that a point has been moved by.
-pub(in crate::fluid) fn shortest(body: &Body, mut way: Vector3<f64>) -> Vector3<f64> {
+pub(crate) fn shortest(body: &Body, mut way: Vector3<f64>) -> Vector3<f64> {
     for axis in (0..body.dimension).filter(|axis| body.periodic[*axis]) {
         let extent = body.extent(axis);
         way[axis] -= extent * (way[axis] / extent).round();

@@ -15,11 +15,11 @@ impl<const D: usize> FlowInputs<D> {
 }
 
 /// Where the inputs of [`Viscosity`] and [`MappedViscosity`] begin: velocity, viscosity, tensor Q; and how many each has.
-pub(in crate::fluid) struct ViscosityInputs<const D: usize>;
+pub(crate) struct ViscosityInputs<const D: usize>;
 
 impl<const D: usize> ViscosityInputs<D> {
-    pub(in crate::fluid) const VISCOSITY: usize = D;
-    pub(in crate::fluid) const STRETCH: usize = Self::VISCOSITY + 1;
+    pub(crate) const VISCOSITY: usize = D;
+    pub(crate) const STRETCH: usize = Self::VISCOSITY + 1;
     pub(super) const PLAIN: usize = Self::STRETCH;
     pub(super) const MAPPED: usize = Self::STRETCH + components(D);
 }

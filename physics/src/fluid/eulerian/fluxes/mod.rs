@@ -44,7 +44,6 @@ use crate::fluid::eulerian::immersed::ImmersedFlow;
 use crate::fluid::eulerian::point_motion::PointMotion;
 use crate::fluid::medium::Medium;
 use crate::fluid::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
-use crate::fluid::state::DensityChange;
 use crate::fluid::walls::Walls;
 
 /// Rate of the Laplacian at walls over that of a complete family: values behind them are extrapolated.
@@ -52,7 +51,7 @@ const AT_WALLS: f64 = 1.5;
 
 /// Rates of the conservative form at points at rest.
 #[derive(Debug)]
-pub(in crate::fluid) struct Fluxes {
+pub(super) struct Fluxes {
     convection: Convection,
     dimension: usize,
     family: Arc<Family>,
@@ -63,7 +62,7 @@ pub(in crate::fluid) struct Fluxes {
     /// Slot of each point.
     slot: Vec<u32>,
     /// Volume of the fluid at a point over that of its cell.
-    pub(in crate::fluid) fullness: Vec<f64>,
+    pub(super) fullness: Vec<f64>,
     /// Rate at which it changes, 1/s.
     swept: Vec<[f64; 1]>,
     /// By slot: of mass, kg/(m² s), and with `D s`.
@@ -102,17 +101,17 @@ const VISCOUS_2D: usize = ViscositySums::<2>::COUNT;
 const VISCOUS_3D: usize = ViscositySums::<3>::COUNT;
 
 /// What sums are taken over.
-pub(in crate::fluid) struct FluxDomain {
-    pub(in crate::fluid) family: Arc<Family>,
-    pub(in crate::fluid) complete: CompleteFamily,
-    pub(in crate::fluid) walls: Walls,
+pub(super) struct FluxDomain {
+    pub(super) family: Arc<Family>,
+    pub(super) complete: CompleteFamily,
+    pub(super) walls: Walls,
     /// Motion of points that follow the walls.
-    pub(in crate::fluid) motion: Option<PointMotion>,
+    pub(super) motion: Option<PointMotion>,
 }
 
 impl Fluxes {
     /// Rates of the points of `body`, whose families walls complete.
-    pub(in crate::fluid) fn new(convection: Convection, body: &Body, domain: FluxDomain) -> Self {
+    pub(super) fn new(convection: Convection, body: &Body, domain: FluxDomain) -> Self {
         let FluxDomain {
             family,
             complete,
@@ -384,14 +383,10 @@ impl Rates for Fluxes {
         let points = density.par_iter_mut().zip(pressure).zip(volumes);
         let points = points.enumerate().with_min_len(POINTS_PER_TASK);
         points.for_each(|(i, ((rho, p), ((fullness, [rate]), [outflow])))| {
-            let (old, before) = (*rho, *fullness);
+            let before = *fullness;
             *fullness += terms.dt * rate;
-            *rho = (old * before - terms.dt * outflow) / *fullness;
-            let change = DensityChange {
-                before: old,
-                after: *rho,
-            };
-            *p = terms.medium.pressure(i, change, *p);
+            let after = (*rho * before - terms.dt * outflow) / *fullness;
+            terms.medium.change_density(i, after, rho, p);
         });
     }
 

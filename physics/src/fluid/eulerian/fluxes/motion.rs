@@ -82,7 +82,7 @@ impl Fluxes {
 
     /// Displaces the points by this much at each place (m) in a step of `dt` (s).
     #[cfg(test)]
-    pub(in crate::fluid) fn displace_points(
+    pub(crate) fn displace_points(
         &mut self,
         family: &perimelt_core::Family,
         dt: f64,

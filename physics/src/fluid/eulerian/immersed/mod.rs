@@ -37,16 +37,16 @@ use super::fluxes::kernels::ViscosityInputs;
 use crate::fluid::walls::{WallBody, Walls};
 
 /// Largest displacement of a wall along its normal, in spacings of the fluid.
-pub(in crate::fluid) const LARGEST_DISPLACEMENT: f64 = 0.5;
+pub(crate) const LARGEST_DISPLACEMENT: f64 = 0.5;
 
 /// Least distance over which the velocity is extrapolated, in spacings of the fluid.
 const LEAST_DISTANCE: f64 = 0.25;
 
 /// A wall in its reference shape, by its points or bonds.
 #[derive(Debug, Default)]
-pub(in crate::fluid) struct Immersed {
+pub(crate) struct Immersed {
     /// From the wall into the fluid, by point; zero away from the fluid.
-    pub(in crate::fluid) normal: Vec<Vector3<f64>>,
+    pub(crate) normal: Vec<Vector3<f64>>,
     /// Mean distance `<d>` of the fluid around each point from the surface, m.
     mean_distance: Vec<f64>,
     /// Depth `e` of the end of each bond below the surface, m.
@@ -84,7 +84,7 @@ struct FluidEnd {
 }
 
 /// The fluid as walls see it.
-pub(in crate::fluid) struct ImmersedFlow<
+pub(super) struct ImmersedFlow<
     'a,
     F: Fn(usize) -> Vector3<f64> + Sync,
     G: Fn(usize) -> [f64; 6] + Sync,
@@ -116,13 +116,13 @@ impl<F: Fn(usize) -> Vector3<f64> + Sync, G: Fn(usize) -> [f64; 6] + Sync> Immer
 
 impl Walls {
     /// Largest density of the fluid over that of a wall that yields.
-    pub(in crate::fluid) fn largest_density_ratio(&self) -> f64 {
+    pub(super) fn largest_density_ratio(&self) -> f64 {
         let all = self.bodies.iter().flat_map(|wall| &wall.density_ratio);
         all.copied().fold(0.0, f64::max)
     }
 
     /// Finds the velocities behind the walls.
-    pub(in crate::fluid) fn find_slopes<F, G>(&mut self, flow: &ImmersedFlow<'_, F, G>)
+    pub(super) fn find_slopes<F, G>(&mut self, flow: &ImmersedFlow<'_, F, G>)
     where
         F: Fn(usize) -> Vector3<f64> + Sync,
         G: Fn(usize) -> [f64; 6] + Sync,
@@ -131,7 +131,7 @@ impl Walls {
     }
 
     /// Finds the flux of mass of the bonds to walls.
-    pub(in crate::fluid) fn find_flux<F, G>(&mut self, flow: &ImmersedFlow<'_, F, G>)
+    pub(super) fn find_flux<F, G>(&mut self, flow: &ImmersedFlow<'_, F, G>)
     where
         F: Fn(usize) -> Vector3<f64> + Sync,
         G: Fn(usize) -> [f64; 6] + Sync,
@@ -140,12 +140,12 @@ impl Walls {
     }
 
     /// Adds the mass that flows out through bonds to walls, kg/(m³ s).
-    pub(in crate::fluid) fn add_outflow(&self, sums: &mut [[f64; 1]]) {
+    pub(super) fn add_outflow(&self, sums: &mut [[f64; 1]]) {
         self.add_immersed(sums, |immersed, _, n| [immersed.flux[n]]);
     }
 
     /// Adds the momentum that it has, N/m³, and finds the mean velocities (m/s) with which it comes back.
-    pub(in crate::fluid) fn add_carried<const D: usize>(
+    pub(super) fn add_carried<const D: usize>(
         &mut self,
         velocity: &[Vector3<f64>],
         sums: &mut [[f64; D]],
@@ -161,7 +161,7 @@ impl Walls {
     }
 
     /// Adds force and work of viscosity.
-    pub(in crate::fluid) fn add_viscosity<const D: usize, const I: usize, const O: usize>(
+    pub(super) fn add_viscosity<const D: usize, const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
         sums: &mut [[f64; O]],
@@ -170,11 +170,7 @@ impl Walls {
     }
 
     /// Passes each fluid point at a wall, with the rate at which walls change its volume (1/s), to `receive`; `inverse`: `1/a`.
-    pub(in crate::fluid) fn for_each_swept(
-        &self,
-        inverse: f64,
-        mut receive: impl FnMut(usize, f64),
-    ) {
+    pub(super) fn for_each_swept(&self, inverse: f64, mut receive: impl FnMut(usize, f64)) {
         let mut found = Vec::new();
         for wall in &self.bodies {
             let part = |n: usize| {
@@ -292,7 +288,7 @@ impl WallBody {
     }
 
     /// What a bond adds to the sums of a kernel of velocity and viscosity.
-    pub(in crate::fluid) fn held_part<const D: usize, const I: usize, const O: usize>(
+    pub(super) fn held_part<const D: usize, const I: usize, const O: usize>(
         &self,
         n: usize,
         kernel: &impl BondKernel<I, O>,

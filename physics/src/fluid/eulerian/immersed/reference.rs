@@ -25,7 +25,7 @@ struct Surface {
 
 impl Walls {
     /// Takes the walls in their reference shapes; they must complete the families of the fluid.
-    pub(in crate::fluid) fn immerse(
+    pub(crate) fn immerse(
         &mut self,
         setup: &Setup<'_>,
         body: BodyIndex,
@@ -120,20 +120,20 @@ impl Walls {
     }
 
     /// Reference positions of the points of each wall, m.
-    pub(in crate::fluid) fn places(&self) -> Vec<&[Vector3<f64>]> {
+    pub(crate) fn places(&self) -> Vec<&[Vector3<f64>]> {
         let walls = self.bodies.iter().filter_map(|w| w.immersed.as_ref());
         walls.map(|immersed| &immersed.position[..]).collect()
     }
 
     /// Displacements of the points of each wall, m.
-    pub(in crate::fluid) fn displacements(&self) -> Vec<&[Vector3<f64>]> {
+    pub(crate) fn displacements(&self) -> Vec<&[Vector3<f64>]> {
         let walls = self.bodies.iter().filter_map(|w| w.immersed.as_ref());
         walls.map(|immersed| &immersed.displacement[..]).collect()
     }
 
     /// Maps the bonds of the reference shapes by the cofactors at their fluid points. They are corrected as those of points at rest:
     /// `open(point)` is half of `sum w (C_i + C_j) xi V` over the fluid, which with `sum w C_i xi V` over walls adds up to zero.
-    pub(in crate::fluid) fn map_bonds(
+    pub(crate) fn map_bonds(
         &mut self,
         points: usize,
         cofactors: impl Fn(usize) -> Matrix3<f64>,
@@ -166,17 +166,14 @@ impl Walls {
     }
 
     /// Takes the displacements of the walls relative to those of the fluid, `of_fluid(place)` (m).
-    pub(in crate::fluid) fn displace_relative(
-        &mut self,
-        of_fluid: impl Fn(&Vector3<f64>) -> Vector3<f64>,
-    ) {
+    pub(crate) fn displace_relative(&mut self, of_fluid: impl Fn(&Vector3<f64>) -> Vector3<f64>) {
         for immersed in self.bodies.iter_mut().filter_map(|w| w.immersed.as_mut()) {
             immersed.find_shift(&of_fluid);
         }
     }
 
     /// Largest displacement of a wall along its normal beside the fluid in spacings of the fluid, and the name of the wall.
-    pub(in crate::fluid) fn largest_displacement(&self) -> Option<(f64, &str)> {
+    pub(crate) fn largest_displacement(&self) -> Option<(f64, &str)> {
         let of_wall = |wall: &'_ WallBody| {
             let immersed = wall.immersed.as_ref()?;
             let shifts = immersed.surface_shift.iter();
@@ -258,7 +255,7 @@ impl Immersed {
 
 impl WallBody {
     /// Takes the displacement of the points of an immersed wall, from where they are now (m).
-    pub(in crate::fluid) fn displace(&mut self, world: &World, now: &[Vector3<f64>]) {
+    pub(crate) fn displace(&mut self, world: &World, now: &[Vector3<f64>]) {
         let Some(immersed) = &mut self.immersed else {
             return;
         };

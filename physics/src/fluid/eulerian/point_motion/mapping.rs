@@ -11,19 +11,19 @@ use crate::shape_tensor::{COMPONENTS, components, is_diagonal};
 
 /// The mapping at a point of the fluid.
 #[derive(Clone, Debug)]
-pub(in crate::fluid) struct Mapped {
+pub(crate) struct Mapped {
     /// m/s.
-    pub(in crate::fluid) velocity: Vector3<f64>,
+    pub(crate) velocity: Vector3<f64>,
     /// F.
-    pub(in crate::fluid) gradient: Matrix3<f64>,
+    pub(crate) gradient: Matrix3<f64>,
     /// C.
-    pub(in crate::fluid) cofactors: Matrix3<f64>,
+    pub(crate) cofactors: Matrix3<f64>,
     /// J.
-    pub(super) volume: f64,
+    pub(crate) volume: f64,
     /// Q with which weights `w (1 + n . Q n)` of bonds along n give the tensor K.
-    pub(in crate::fluid) stretch: [f64; 6],
+    pub(crate) stretch: [f64; 6],
     /// Least of J and of the factors `1 + n . Q n`.
-    pub(super) distortion: f64,
+    pub(crate) distortion: f64,
 }
 
 /// The bonds of a complete family.

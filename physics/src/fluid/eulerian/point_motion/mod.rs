@@ -41,11 +41,11 @@ use mapping::Mapped;
 const SWEEPS: usize = 2;
 
 /// Least volume ratio of a point, and least factor of a bond in the viscosity, of a mapping that is not folded.
-pub(in crate::fluid) const LEAST_DISTORTION: f64 = 0.1;
+pub(crate) const LEAST_DISTORTION: f64 = 0.1;
 
 /// Motion of the points of a fluid.
 #[derive(Debug)]
-pub(in crate::fluid) struct PointMotion {
+pub(crate) struct PointMotion {
     dimension: usize,
     cells: Cells,
     family: Family,
@@ -66,13 +66,13 @@ pub(in crate::fluid) struct PointMotion {
     directions: Vec<Vector3<f64>>,
     points: Vec<Mapped>,
     /// By slot of the family of the fluid: the rows of C, and the tensor of the viscosity.
-    pub(in crate::fluid) cofactors: Vec<SlotField>,
-    pub(in crate::fluid) stretch: Vec<SlotField>,
+    pub(super) cofactors: Vec<SlotField>,
+    pub(super) stretch: Vec<SlotField>,
 }
 
 impl PointMotion {
     /// Motion of the points of `body` with this family, between walls of which the points lie at `walls` (m).
-    pub(in crate::fluid) fn prepare(
+    pub(super) fn prepare(
         body: &Body,
         family: &Family,
         walls: &[&[Vector3<f64>]],
@@ -119,7 +119,7 @@ impl PointMotion {
 
     /// Lets the points follow walls that are displaced by this much (m) since the set-up, in a step of `dt` (s); `family`: that of the
     /// fluid.
-    pub(in crate::fluid) fn follow(&mut self, family: &Family, walls: &[&[Vector3<f64>]], dt: f64) {
+    pub(super) fn follow(&mut self, family: &Family, walls: &[&[Vector3<f64>]], dt: f64) {
         for WallCell { cell, parts } in &self.in_walls {
             let parts = parts.iter();
             let parts = parts.map(|p| p.fraction * walls[p.wall as usize][p.point as usize]);
@@ -135,7 +135,7 @@ impl PointMotion {
 
     /// Places and displacements (m) of the cells in walls.
     #[cfg(test)]
-    pub(in crate::fluid) fn cells_in_walls(&self) -> impl Iterator<Item = [Vector3<f64>; 2]> {
+    pub(super) fn cells_in_walls(&self) -> impl Iterator<Item = [Vector3<f64>; 2]> {
         let cells = self.in_walls.iter().map(|wall| wall.cell as usize);
         cells.map(|cell| {
             [
@@ -147,7 +147,7 @@ impl PointMotion {
 
     /// Displaces the points by this much at each place (m) in a step of `dt` (s).
     #[cfg(test)]
-    pub(in crate::fluid) fn displace(
+    pub(super) fn displace(
         &mut self,
         family: &Family,
         dt: f64,
@@ -196,32 +196,32 @@ impl PointMotion {
     }
 
     /// The mapping at each point.
-    pub(in crate::fluid) fn points(&self) -> &[Mapped] {
+    pub(super) fn points(&self) -> &[Mapped] {
         &self.points
     }
 
     /// Displacement of each point of the fluid, m.
-    pub(in crate::fluid) fn displacements(&self) -> impl Iterator<Item = Vector3<f64>> + '_ {
+    pub(super) fn displacements(&self) -> impl Iterator<Item = Vector3<f64>> + '_ {
         self.cell.iter().map(|c| self.displacement[*c as usize])
     }
 
     /// Displacement of the lattice at a place of the reference configuration, m.
-    pub(in crate::fluid) fn displacement_at(&self, x: &Vector3<f64>) -> Vector3<f64> {
+    pub(super) fn displacement_at(&self, x: &Vector3<f64>) -> Vector3<f64> {
         self.cells.interpolate(&self.displacement, x)
     }
 
     /// Displacement of all cells, m: what a resumed run must know.
-    pub(in crate::fluid) fn state(&self) -> &Vec<Vector3<f64>> {
+    pub(super) fn state(&self) -> &Vec<Vector3<f64>> {
         &self.displacement
     }
 
     /// Restores what [`PointMotion::state`] gave.
-    pub(in crate::fluid) fn set_state(&mut self, displacement: Vec<Vector3<f64>>) {
+    pub(super) fn set_state(&mut self, displacement: Vec<Vector3<f64>>) {
         self.displacement = displacement;
     }
 
     /// Least of the volume ratios and of the factors of bonds in the viscosity, and the point that has it.
-    pub(in crate::fluid) fn distortion(&self) -> (f64, usize) {
+    pub(crate) fn distortion(&self) -> (f64, usize) {
         let points = self.points.iter().zip(0..);
         points.fold((f64::INFINITY, 0), |least, (mapped, point)| {
             match mapped.distortion < least.0 {
@@ -232,7 +232,7 @@ impl PointMotion {
     }
 
     /// Largest `|F^-1|^2`, by which distances shrink at most.
-    pub(in crate::fluid) fn largest_compression(&self) -> f64 {
+    pub(super) fn largest_compression(&self) -> f64 {
         let of_point = |m: &Mapped| {
             let metric = m.cofactors.transpose() * m.cofactors / (m.volume * m.volume);
             1.0 + (metric - Matrix3::identity()).norm()
