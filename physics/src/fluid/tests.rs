@@ -312,7 +312,8 @@ fn the_stable_step_follows_the_arrangement_of_the_points() {
     for (scale, grows) in [(0.9, true), (1.1, false)] {
         let positions = body.points.position.iter().map(|x| x * scale);
         let positions: Vec<_> = positions.collect();
-        family.follow(&positions, &body.points.volume);
+        family.rebuild_rows(&positions);
+        family.update_weights(&positions, &body.points.volume);
         let now = stability.scaled(initial, LargestSums::of(&family, points, None));
         // the sum goes with the number of points in the horizon
         let expected = if grows { 1.1..1.35 } else { 1.0..1.0 + 1e-9 };

@@ -255,7 +255,8 @@ mod tests {
                 .collect();
             let velocity = start.iter().map(|_| random_in_plane(8.0)).collect();
             let mut family = Family::moving(&body, &spec).expect("valid");
-            family.follow(&position, &body.points.volume);
+            family.rebuild_rows(&position);
+            family.update_weights(&position, &body.points.volume);
             let mass = (0..start.len()).map(|i| 0.1 + 0.01 * (i % 7) as f64);
             Crowd {
                 mass: mass.collect(),
