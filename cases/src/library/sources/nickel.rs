@@ -14,6 +14,34 @@ fn both() -> Vec<PropertyCheck> {
     ]
 }
 
+/// °C, and the value of the source.
+const IN625_SPECIFIC_HEAT: [(f64, f64); 11] = [
+    (21.0, 410.0),
+    (93.0, 427.0),
+    (204.0, 456.0),
+    (316.0, 481.0),
+    (427.0, 511.0),
+    (538.0, 536.0),
+    (649.0, 565.0),
+    (760.0, 590.0),
+    (871.0, 620.0),
+    (982.0, 645.0),
+    (1093.0, 670.0),
+];
+
+/// °C, and the value of the source.
+const IN625_THERMAL_EXPANSION: [(f64, f64); 9] = [
+    (93.0, 12.8),
+    (204.0, 13.1),
+    (316.0, 13.3),
+    (427.0, 13.7),
+    (538.0, 14.0),
+    (649.0, 14.8),
+    (760.0, 15.3),
+    (871.0, 15.8),
+    (927.0, 16.2),
+];
+
 pub(super) fn in625() -> Vec<PropertyCheck> {
     let (boiling, vaporisation) = boiling(&[
         ("Ni", 62.5),
@@ -26,23 +54,7 @@ pub(super) fn in625() -> Vec<PropertyCheck> {
     let carried_on = 2.7474e-6 * solidus.powi(2) + 0.012907 * solidus + 9.62532;
     let mut checks = vec![
         constant("density", 8440.0),
-        celsius(
-            "specific_heat.solid",
-            1.0,
-            &[
-                (21.0, 410.0),
-                (93.0, 427.0),
-                (204.0, 456.0),
-                (316.0, 481.0),
-                (427.0, 511.0),
-                (538.0, 536.0),
-                (649.0, 565.0),
-                (760.0, 590.0),
-                (871.0, 620.0),
-                (982.0, 645.0),
-                (1093.0, 670.0),
-            ],
-        ),
+        celsius("specific_heat.solid", 1.0, &IN625_SPECIFIC_HEAT),
         constant("specific_heat.liquid", 709.25),
         celsius(
             "conductivity.solid",
@@ -68,21 +80,7 @@ pub(super) fn in625() -> Vec<PropertyCheck> {
         constant("latent_heat", 2.9e5),
         constant("boiling_temperature", boiling),
         constant("vaporisation_heat", vaporisation),
-        celsius(
-            "thermal_expansion",
-            1e-6,
-            &[
-                (93.0, 12.8),
-                (204.0, 13.1),
-                (316.0, 13.3),
-                (427.0, 13.7),
-                (538.0, 14.0),
-                (649.0, 14.8),
-                (760.0, 15.3),
-                (871.0, 15.8),
-                (927.0, 16.2),
-            ],
-        ),
+        celsius("thermal_expansion", 1e-6, &IN625_THERMAL_EXPANSION),
         constant("expansion_reference", 294.15),
         constant("viscosity", 7.0e-3),
         // the ends of the table of Special Metals
