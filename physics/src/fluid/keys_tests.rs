@@ -208,7 +208,7 @@ fn the_message_follows_from_the_keys_of_other_fluids() {
         (
             "description = 'arbitrary_lagrangian_eulerian'",
             "`description = \"arbitrary_lagrangian_eulerian\"` does not work with `form = \"differences\"`; \
-             expected `form = \"conservative\"` or `description = \"updated_lagrangian\"` or `description = \"total_lagrangian\"` \
+             expected `form = \"conservative\"`, `description = \"updated_lagrangian\"`, `description = \"total_lagrangian\"` \
              or `description = \"eulerian\"`",
         ),
     ] {

@@ -163,7 +163,12 @@ impl Choice {
             let both = |c: &Choice| format!("{} with {}", c.description(), c.form());
             changes = fitting.iter().map(both).collect();
         }
-        changes.join(" or ")
+        match changes.split_last() {
+            Some((last, others)) if !others.is_empty() => {
+                format!("{} or {last}", others.join(", "))
+            }
+            _ => changes.concat(),
+        }
     }
 }
 

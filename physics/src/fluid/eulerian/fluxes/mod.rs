@@ -14,7 +14,7 @@
 //! with the density diffusion D, the slope s of the hydrostatic density, and values in the middle of the step marked by a
 //! star, as in [`crate::fluid::eulerian::carried_flow`]. Each is opposite at the two ends of a bond: mass and momentum are kept to rounding, and
 //! since `sum_j w xi V_j = 0` the flux of mass is the adjoint of the force of the pressure, so that the work of the pressure is
-//! the energy of compression. Uniform fields stay uniform. Viscosity is pairwise as in [`crate::fluid::lagrangian::conservative`].
+//! the energy of compression. Uniform fields stay uniform. Viscosity is pairwise as in [`crate::fluid::lagrangian`].
 //!
 //! A wall that moves displaces fluid. The points of the lattice keep their places and their weight in the sums, but the
 //! volume of fluid around them, the fraction `fullness` of a cell, changes; `rho` is the density in that volume. Where the points
