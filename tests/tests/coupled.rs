@@ -12,7 +12,7 @@ use perimelt::core::{
 };
 use perimelt::physics::mechanical::moduli::Elasticity;
 use perimelt::physics::mechanical::ordinary::Ordinary;
-use perimelt::physics::mechanical::solid::{Constitution, Solid};
+use perimelt::physics::mechanical::solid::{Constitution, EnergyKind, Solid, Wanted};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -180,7 +180,13 @@ fn energies(simulation: &Simulation, elastic: &mut Ordinary) -> [f64; 3] {
     let velocity = values(simulation, "velocity");
     let temperature = values(simulation, "temperature");
     let mut sums = [0.0; 3];
-    for (i, ([w, _], volume)) in elastic.energy().iter().zip(volume).enumerate() {
+    for (i, ([w, _], volume)) in elastic
+        .evaluate(Wanted::energy(EnergyKind::Total))
+        .energy
+        .iter()
+        .zip(volume)
+        .enumerate()
+    {
         let speed: f64 = velocity[3 * i..][..3].iter().map(|v| v * v).sum();
         let theta = temperature[i] - T0;
         sums[0] += volume * 0.5 * DENSITY * speed;

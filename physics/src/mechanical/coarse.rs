@@ -5,7 +5,6 @@ use perimelt_core::solver::{CoarseSpace, Spring};
 use perimelt_core::{Body, BrokenBonds, Family};
 use rayon::prelude::*;
 
-use super::fracture::Fracture;
 use super::residual::Residual;
 
 /// Scale of the layers that tractions bend.
@@ -26,11 +25,11 @@ impl Coarse {
     /// Rebuilds the space completely if anything that it was built from changed, so that a resumed run is
     /// bit-identical.
     pub(super) fn update(&mut self, body: &Body, residual: &Residual<'_>) {
-        let (solid, constraint) = (&residual.solid, residual.constraint);
+        let (solid, constraint) = (residual.solid.base(), residual.constraint);
         let points = 0..body.points.len();
         let stiffness = points.map(|p| solid.moduli_of(p).bond_stiffness(body.dimension));
         let stiffness: Vec<f64> = stiffness.collect();
-        let broken = solid.fracture().map(Fracture::broken);
+        let broken = solid.broken();
         let total = broken.map_or(0, BrokenBonds::total);
         if self.stiffness == stiffness && self.constraint == *constraint && self.broken == total {
             return;
@@ -65,7 +64,7 @@ struct Springs<'a> {
 
 impl<'a> Springs<'a> {
     fn new(residual: &'a Residual<'_>, stiffness: &'a [f64]) -> Self {
-        let (solid, dimension) = (&residual.solid, residual.dimension);
+        let (solid, dimension) = (residual.solid.base(), residual.dimension);
         let family = solid.family();
         // Layers under traction follow the points that bend them and do not resist as mirror images would;
         // the bonds of the body are stiffened in their place.
@@ -100,12 +99,12 @@ impl<'a> Springs<'a> {
             constraint: residual.constraint,
             volumes: residual.volumes,
             family,
-            broken: solid.fracture().map(Fracture::broken),
+            broken: solid.broken(),
             stiffness,
             point_in,
             scales,
             stand_in,
-            across: match nearest_only && solid.bonds_shear() {
+            across: match nearest_only && solid.properties.bonds_shear {
                 true => 0.2,
                 false => 0.0,
             },

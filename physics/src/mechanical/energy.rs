@@ -5,6 +5,7 @@ use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::{Report, World};
 use serde::{Deserialize, Serialize};
 
+use super::solid::{EnergyKind, Wanted};
 use super::step::MechanicalRun;
 
 /// Energies of a body, J.
@@ -49,7 +50,8 @@ impl MechanicalRun {
     /// As [`MechanicalRun::energy`], at the displacement that the solid has.
     pub(super) fn energy_as_set(&mut self, world: &World) -> Energy {
         let volume = &world.body(self.body).points.volume;
-        let elastic = self.solid.elastic_energy();
+        let wanted = Wanted::energy(EnergyKind::Elastic);
+        let elastic = self.solid.evaluate(wanted).energy;
         let [elastic] = sum_points(volume.len(), |i| [elastic[i][0] * volume[i]]);
         let kinetic = self.fields.velocity.map_or(0.0, |velocity| {
             let velocity = &*world.read::<Vector3<f64>>(velocity.into());

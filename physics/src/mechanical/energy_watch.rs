@@ -32,6 +32,7 @@ use perimelt_core::{RunError, World};
 use serde::{Deserialize, Serialize};
 
 use super::energy::{Energy, work_of};
+use super::solid::{EnergyKind, Wanted};
 use super::step::MechanicalRun;
 
 /// Steps from sample to sample, each of which costs as much as the forces of a few steps.
@@ -193,18 +194,19 @@ impl MechanicalRun {
     /// Energies of the points (J/m³, with the stress conjugate to the eigenstrain (Pa) behind each) at the end of a step.
     /// Adds the work of the eigenstrain in it.
     pub(super) fn energies_after_step(&mut self, world: &World) -> &[[f64; 2]] {
+        let wanted = Wanted::energy(EnergyKind::Total);
         let (true, Some(eigenstrain)) = (self.knows_conjugate_stress(), self.fields.eigenstrain)
         else {
-            return self.solid.energy();
+            return self.solid.evaluate(wanted).energy;
         };
         let now = &*world.read(eigenstrain);
         let is_in_step = self.state.watch.eigenstrain.len() == now.len();
         if self.fields.velocity.is_none() || !is_in_step {
-            return self.solid.energy();
+            return self.solid.evaluate(wanted).energy;
         }
         self.find_stiffness(world);
         let stress_before = &*world.read::<f64>(self.fields.conjugate_stress.into());
-        let energies = self.solid.energy();
+        let energies = self.solid.evaluate(wanted).energy;
         let watch = &mut self.state.watch;
         if watch.seen.len() != now.len() {
             watch.seen = stress_before.to_vec();
@@ -272,12 +274,13 @@ impl MechanicalRun {
         }
         let mut rules: Vec<_> = rules.iter().map(|r| r.homogeneous()).collect();
         // small, for finite kinematics
-        let offset = 1e-6 * self.solid.horizon();
+        let offset = 1e-6 * self.solid.base().largest_horizon();
         rules[layer].offset[axis] = offset;
         self.work.fill(0.0);
         self.solid.set_displacement(&self.work, &rules);
         let volume = &world.body(self.body).points.volume;
-        let density = self.solid.energy();
+        let wanted = Wanted::energy(EnergyKind::Total);
+        let density = self.solid.evaluate(wanted).energy;
         let [energy] = sum_points(volume.len(), |i| [volume[i] * density[i][0]]);
         let of_unit = energy.max(0.0).sqrt() / offset;
         self.scratch.of_offset[layer][axis] = Some(of_unit);
@@ -291,7 +294,7 @@ impl MechanicalRun {
         let body = world.body(self.body);
         let d = body.dimension as f64;
         let of_point = |(i, volume): (usize, &f64)| {
-            let moduli = self.solid.moduli_of(i);
+            let moduli = self.solid.base().moduli_of(i);
             volume * d * d * moduli.bulk * moduli.swelling.powi(2)
         };
         let volumes = body.points.volume.iter().enumerate();
@@ -319,7 +322,7 @@ impl MechanicalRun {
         (size, time): (f64, f64),
     ) -> Result<(), RunError> {
         self.scratch.step = size;
-        let stiffening = self.solid.take_stiffening();
+        let stiffening = self.solid.base_mut().take_stiffening();
         let watch = &mut self.state.watch;
         watch.steps += 1;
         let work = std::mem::take(&mut watch.work);
@@ -401,7 +404,7 @@ impl MechanicalRun {
     fn negligible_energy(&self, world: &World, energy: &Energy) -> f64 {
         let volume = &world.body(self.body).points.volume;
         let of_strain = |i: usize| {
-            let moduli = self.solid.moduli_of(i);
+            let moduli = self.solid.base().moduli_of(i);
             volume[i] * (moduli.lame.abs() + 2.0 * moduli.shear) * ROUNDING * ROUNDING
         };
         let (loads, _) = self.state.loaded_body_force.as_chunks::<3>();

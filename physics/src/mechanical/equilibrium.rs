@@ -13,7 +13,7 @@ use super::coarse::Coarse;
 use super::keys::{MechanicalSolver, tolerance};
 use super::residual::{Linearised, Residual, Tangent};
 use super::rigid::{free_rigid_modes, rigid_modes};
-use super::solid::Solid;
+use super::solid::{Solid, Stiffness, Wanted};
 use super::step::MechanicalRun;
 
 /// The solvers of equilibrium with what they keep between steps.
@@ -84,7 +84,11 @@ impl Statics {
         // nonsymmetric. So does plastic flow that follows another strain than that of the bonds.
         let nonsymmetric = residual.rules.iter().any(|r| r.traction.is_some())
             || residual.tangent == Tangent::Plastic
-                && !residual.solid.has_symmetric_plastic_tangent();
+                && !residual
+                    .solid
+                    .base()
+                    .properties
+                    .has_symmetric_plastic_tangent;
         self.newton.options.krylov = match nonsymmetric {
             true => KrylovMethod::Gmres,
             false => KrylovMethod::ConjugateGradient,
@@ -111,7 +115,7 @@ pub(super) fn balance_and_break(
             return Ok(work);
         }
         run.load_displacement(world);
-        run.solid.force(&mut run.work);
+        run.solid.evaluate(Wanted::force(&mut run.work));
         work.evaluations += 1;
         let fraction = if once { 0.0 } else { TOGETHER };
         if !run.break_bonds(world, fraction) || once {
@@ -282,7 +286,7 @@ fn held_part(displacement: &[f64], constraint: &[f64]) -> impl Iterator<Item = f
 fn rounding(solid: &mut dyn Solid, eigenstrain: f64, displacement: &[f64]) -> f64 {
     const RELATIVE: f64 = 1e-14;
     let diagonal: Vec<f64> = solid.blocks().iter().map(|b| b[0] + b[1] + b[2]).collect();
-    let extension = eigenstrain * solid.horizon() + max_abs(displacement);
+    let extension = eigenstrain * solid.base().largest_horizon() + max_abs(displacement);
     RELATIVE * norm(&diagonal) * extension
 }
 
@@ -302,7 +306,7 @@ pub(super) fn relax(run: &mut MechanicalRun, world: &World) -> Result<Work, Solv
     let state = bytemuck::cast_slice_mut::<Vector3<f64>, f64>(&mut displacement);
     let mut unbalanced = |u: &[f64], force: &mut [f64]| {
         solid.set_displacement(u, &rules);
-        solid.force(force);
+        solid.evaluate(Wanted::force(force));
         force.iter_mut().zip(body_force).for_each(|(f, b)| *f += b);
         for (i, f) in force.iter_mut().enumerate() {
             *f = if free(i) { *f } else { 0.0 };
@@ -343,7 +347,7 @@ fn load_fictitious_mass(
     let homogeneous: Vec<LayerRule> = rules.iter().map(LayerRule::homogeneous).collect();
     let stiffest = largest_eigenvalue(&inverse, |u, out| {
         solid.set_displacement(u, &homogeneous);
-        solid.stiffness(out);
+        solid.stiffness(Stiffness::Elastic, out);
     });
     let factor = fictitious_mass(stiffest, 1.0);
     masses.iter_mut().for_each(|mass| *mass *= factor);

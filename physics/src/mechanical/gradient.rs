@@ -13,6 +13,7 @@ use perimelt_core::family::Continuation;
 use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Family};
 use rayon::prelude::*;
 
+use super::base::Bonds;
 use super::elastic::ElasticPoints;
 use super::stress_free::{Prescribed, StressFreeDisplacement};
 
@@ -145,7 +146,7 @@ impl Gradient {
     /// Evaluates what prescribed strains do to H, if they or bonds changed; whether they did.
     pub(super) fn follow_strains(
         &mut self,
-        (family, broken): (&Family, Option<&BrokenBonds>),
+        bonds: Bonds<'_>,
         continuation: &Continuation,
         elastic: &ElasticPoints,
     ) -> bool {
@@ -153,7 +154,6 @@ impl Gradient {
             return false;
         }
         self.is_stress_free_current = true;
-        let bonds = (family, broken);
         let inverse = &self.inverse_shape;
         let tensor = elastic.prescribed_tensor();
         let strains = match &tensor {

@@ -49,6 +49,7 @@ use super::keys::{Formulation, Mechanical};
 use super::moduli::Moduli;
 use super::momentum::{Momentum, place};
 use super::plasticity::{Inelastic, elastic_strain};
+use super::solid::{PointStates, StressFreeStrain, Wanted};
 use super::step::MechanicalRun;
 use super::surface_stress::SurfaceStress;
 
@@ -241,7 +242,10 @@ impl MechanicalRun {
         }
         let before = self.gradients(world, &rules);
         self.keep_ratio(world);
-        self.solid.set_present(&active);
+        self.solid.set_points(PointStates {
+            present: Some(&active),
+            ..PointStates::default()
+        });
         self.statics.forget_rigid_modes();
         let was_present = std::mem::replace(&mut self.state.present, active);
         let present = self.state.present.clone();
@@ -261,7 +265,7 @@ impl MechanicalRun {
             return;
         };
         let mut birth_strain = world.write(birth_strain);
-        let family = self.solid.family();
+        let family = self.solid.base().family();
         let point_in = family.points_of_slots();
         let is_born = |point: usize| present[point] && !was_present[point];
         let has_gained = |point: usize| {
@@ -289,7 +293,11 @@ impl MechanicalRun {
         let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
         self.solid
             .set_displacement(bytemuck::cast_slice(&displacement), rules);
-        self.solid.gradients()
+        let wanted = Wanted {
+            gradient: true,
+            ..Wanted::default()
+        };
+        self.solid.evaluate(wanted).gradient.to_vec()
     }
 
     /// Sets the displacement of the points that are present now and were not before, from that of the others and its
@@ -311,7 +319,7 @@ impl MechanicalRun {
             return;
         }
         let known = pairs().map(|(before, now)| *before && *now).collect();
-        let mut around = Surroundings::new(self.solid.family(), rules, known);
+        let mut around = Surroundings::new(self.solid.base().family(), rules, known);
         let mut gradients: Vec<_> = gradients.iter().map(continued_part).collect();
         let mut displacement = world.write(self.fields.displacement);
         let mut velocity = self.fields.velocity.map(|v| world.write(v));
@@ -357,7 +365,7 @@ impl MechanicalRun {
         for (_, fresh) in fresh.filter(|(i, _)| temperature[*i] < limit) {
             *fresh = false;
         }
-        let Some(plasticity) = self.solid.plasticity() else {
+        let Some(plasticity) = self.solid.base_mut().plasticity() else {
             return;
         };
         let mut birth_strain = world.write(birth_strain);
@@ -425,7 +433,10 @@ impl MechanicalRun {
     /// Gives the family the points that were present when the state was saved.
     pub(super) fn restore_presence(&mut self) {
         if !self.state.present.is_empty() {
-            self.solid.set_present(&self.state.present);
+            self.solid.set_points(PointStates {
+                present: Some(&self.state.present),
+                ..PointStates::default()
+            });
             self.statics.forget_rigid_modes();
             self.free_present_points();
         }
@@ -454,6 +465,12 @@ impl MechanicalRun {
         };
         self.eigenstrain_size += max_abs(strains.as_flattened());
         self.note_stress_free(world, &strains);
-        self.solid.set_stress_free(strains, &prescribed);
+        self.solid.set_points(PointStates {
+            stress_free: Some(StressFreeStrain {
+                strain: &strains,
+                prescribed: &prescribed,
+            }),
+            ..PointStates::default()
+        });
     }
 }

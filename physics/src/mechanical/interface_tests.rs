@@ -1,5 +1,6 @@
 //! Strength of bonds between materials, through thin layers and across interfaces.
 
+use crate::mechanical::solid::Wanted;
 use perimelt_core::body::{Jitter, Store};
 use perimelt_core::{Body, Region, Setup, World};
 
@@ -83,11 +84,11 @@ fn broken_and_whole(body: Body, keys: &str, strain: f64) -> [Vec<[i32; 2]>; 2] {
         .collect();
     solid.set_displacement(&displacement, &[]);
     let mut force = vec![0.0; displacement.len()];
-    solid.force(&mut force);
+    solid.evaluate(Wanted::force(&mut force));
     solid.break_bonds(0.0, &mut vec![0.0; positions.len()]);
     let (family, broken) = (
-        solid.family(),
-        solid.fracture().expect("it breaks").broken(),
+        solid.base().family(),
+        solid.base().fracture().expect("it breaks").broken(),
     );
     let mut found = [Vec::new(), Vec::new()];
     for point in 0..positions.len() {

@@ -29,6 +29,7 @@
 //! | [`fracture`], [`interfaces`] | breaking bonds; strength between materials and across interfaces |
 //! | `stress_free` | stress-free strains that vary in space, as seen by the shape tensor |
 
+mod base;
 mod classical;
 #[cfg(test)]
 mod cloud_tests;
@@ -97,6 +98,7 @@ pub use keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
 use section::Section;
 use serde::{Deserialize, Serialize};
 use step::{MechanicalRun, State};
+use stretch::find_overstretched;
 
 /// Stretch of a bond that shows an instability once displacements are ten times as large as the body: where its ends have
 /// moved so far relative to each other over a chain of bonds as long as the body, bonds have a stretch of eight or more.
@@ -182,7 +184,10 @@ impl RunningPhysics for RunningMechanical {
             return None;
         }
         self.run.load_displacement(world);
-        self.run.solid.find_overstretched(IMPLAUSIBLE_STRETCH)
+        let solid = &self.run.solid;
+        let (base, displacement) = (solid.base(), solid.displacement());
+        let (bonds, finite) = (base.bonds(), base.is_finite());
+        find_overstretched(bonds, displacement, finite, IMPLAUSIBLE_STRETCH)
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
@@ -244,7 +249,7 @@ impl RunningPhysics for RunningMechanical {
         let run = &self.run;
         let forces = self.sections.iter().zip(&run.section_forces);
         let forces = forces.flat_map(|(s, force)| s.report(*force));
-        let broken = run.solid.fracture().map(|fracture| {
+        let broken = run.solid.base().fracture().map(|fracture| {
             let bonds = 0.5 * fracture.state.broken.total() as f64;
             Report::new("bonds.broken", "1", bonds)
         });
@@ -267,7 +272,7 @@ impl RunningPhysics for RunningMechanical {
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(SavedMechanicalRef {
             state: &self.run.state,
-            broken: self.run.solid.fracture().map(|f| &f.state),
+            broken: self.run.solid.base().fracture().map(|f| &f.state),
         })
     }
 
@@ -278,7 +283,7 @@ impl RunningPhysics for RunningMechanical {
     ) -> Result<(), erased_serde::Error> {
         let run = &mut self.run;
         let SavedMechanical { state, broken } = erased_serde::deserialize(state)?;
-        if let (Some(own), Some(broken)) = (run.solid.fracture(), &broken) {
+        if let (Some(own), Some(broken)) = (run.solid.base().fracture(), &broken) {
             let is_own = own.state.broken.is_of_same_family(&broken.broken);
             check_length("broken bonds", usize::from(is_own), 1)?;
             check_length("frozen stress", broken.frozen.len(), own.state.frozen.len())?;
@@ -289,8 +294,8 @@ impl RunningPhysics for RunningMechanical {
         if let Some(broken) = broken {
             run.solid.replace_fracture_state(broken);
         }
-        if let (Some(fracture), Some(damage)) = (run.solid.fracture(), &run.fields.damage) {
-            let pairs = fracture.broken_pairs(run.solid.family());
+        if let (Some(fracture), Some(damage)) = (run.solid.base().fracture(), &run.fields.damage) {
+            let pairs = fracture.broken_pairs(run.solid.base().family());
             world.replace_broken_pairs(&damage.breaker, pairs);
         }
         Ok(())

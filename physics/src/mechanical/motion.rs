@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::energy::work_of;
 use super::fields::Hold;
 use super::momentum::{Balanced, Momentum, by_axis, place};
-use super::solid::Solid;
+use super::solid::{Solid, Wanted};
 use super::step::MechanicalRun;
 
 impl MechanicalRun {
@@ -42,7 +42,7 @@ impl MechanicalRun {
             inverse_density: &self.free_inverse_density,
             balanced: self.balanced,
             has_held_points: self.fields.hold.is_some(),
-            has_layers: self.solid.family().has_layers(),
+            has_layers: self.solid.base().family().has_layers(),
             solid: &mut *self.solid,
             loaded: &mut self.state.loaded_body_force,
             external_force: &mut self.state.external_force,
@@ -172,7 +172,7 @@ impl MechanicalRun {
         let displacement = &*world.read::<Vector3<f64>>(self.fields.displacement.into());
         let (points, density) = (&world.body(self.body).points, &self.density);
         // The forces of the first half kick were evaluated before the jump, and their moments cancel there.
-        let has_layers = self.solid.family().has_layers();
+        let has_layers = self.solid.base().family().has_layers();
         let (force, loaded) = (self.state.verlet.force(), &self.state.loaded_body_force);
         let bond_force = |component: usize| match force.get(component) {
             Some(force) if !has_layers => force - loaded.get(component).unwrap_or(&0.0),
@@ -243,7 +243,7 @@ fn half_work_of_change(volume: &[f64], [before, now]: [&[f64]; 2], displacement:
 impl Dynamics for SolidDynamics<'_> {
     fn force(&mut self, _: f64, u: &[f64], force: &mut [f64]) -> Result<(), SolverError> {
         self.solid.set_displacement(u, self.rules);
-        self.solid.force(force);
+        self.solid.evaluate(Wanted::force(force));
         let forces = force.par_iter_mut().zip(self.body_force);
         forces.with_min_len(4096).for_each(|(f, b)| *f += b);
         *self.external_force = None;

@@ -3,16 +3,23 @@
 use perimelt_core::World;
 
 use super::classical;
+use super::solid::{PointStates, StressKind, Wanted};
 use super::step::MechanicalRun;
 
 impl MechanicalRun {
     pub(super) fn provide_stress(&mut self, world: &World) {
         if let Some(eigenstrain) = self.fields.eigenstrain {
-            self.solid.set_eigenstrain(&world.read(eigenstrain));
+            let eigenstrain = world.read(eigenstrain);
+            self.solid.set_points(PointStates {
+                eigenstrain: Some(&eigenstrain),
+                ..PointStates::default()
+            });
         }
         self.load_displacement(world);
         let mut stress = world.write(self.fields.stress);
-        for (sigma, components) in stress.iter_mut().zip(self.solid.stress()) {
+        let wanted = Wanted::stress(StressKind::Spatial);
+        let found = self.solid.evaluate(wanted).stress;
+        for (sigma, components) in stress.iter_mut().zip(found) {
             *sigma = classical::symmetric(components);
         }
         if let Some(extrapolation) = &self.extrapolation {

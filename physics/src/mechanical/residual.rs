@@ -3,7 +3,7 @@
 use perimelt_core::family::LayerRule;
 use perimelt_core::solver::{At, Rhs, SolverError};
 
-use super::solid::Solid;
+use super::solid::{Solid, Stiffness, Wanted};
 
 /// Unbalanced force of a displacement; zero for held components.
 pub(super) struct Residual<'a> {
@@ -32,7 +32,7 @@ pub(super) enum Tangent {
     Differences,
 }
 
-impl<'a> Residual<'a> {
+impl Residual<'_> {
     /// Sets held components and those that the dimension leaves out.
     fn set_held(&self, out: &mut [f64], value: f64) {
         for (i, (f, c)) in out.iter_mut().zip(self.constraint).enumerate() {
@@ -43,14 +43,9 @@ impl<'a> Residual<'a> {
     }
 
     /// Change of the unbalanced force along a direction, by one of the stiffnesses of the solid.
-    fn rate_of_change(
-        &mut self,
-        direction: &[f64],
-        stiffness: fn(&mut (dyn Solid + 'a), &mut [f64]),
-        out: &mut [f64],
-    ) {
+    fn rate_of_change(&mut self, direction: &[f64], kind: Stiffness, out: &mut [f64]) {
         self.solid.set_displacement(direction, &self.homogeneous);
-        stiffness(self.solid, out);
+        self.solid.stiffness(kind, out);
         out.iter_mut().for_each(|f| *f = -*f);
         self.set_held(out, 0.0);
     }
@@ -59,7 +54,7 @@ impl<'a> Residual<'a> {
 impl Rhs for Residual<'_> {
     fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
         self.solid.set_displacement(state, self.rules);
-        self.solid.force(rate);
+        self.solid.evaluate(Wanted::force(rate));
         rate.iter_mut()
             .zip(self.body_force)
             .for_each(|(f, b)| *f += b);
@@ -75,8 +70,8 @@ impl Rhs for Residual<'_> {
     ) -> Result<bool, SolverError> {
         match self.tangent {
             Tangent::Differences => return Ok(false),
-            Tangent::Stiffness => self.rate_of_change(direction, Solid::stiffness, out),
-            Tangent::Plastic => self.rate_of_change(direction, Solid::tangent, out),
+            Tangent::Stiffness => self.rate_of_change(direction, Stiffness::Elastic, out),
+            Tangent::Plastic => self.rate_of_change(direction, Stiffness::Plastic, out),
         }
         Ok(true)
     }
@@ -84,7 +79,7 @@ impl Rhs for Residual<'_> {
     /// The norm of displacements of a horizon each, so that the tangent by differences does not depend on the size
     /// of the body.
     fn scale(&self) -> f64 {
-        self.solid.horizon() * (self.constraint.len() as f64).sqrt()
+        self.solid.base().largest_horizon() * (self.constraint.len() as f64).sqrt()
     }
 
     fn weights(&self) -> Option<&[f64]> {
@@ -104,9 +99,9 @@ impl Rhs for Residual<'_> {
             (0..3).for_each(|axis| out[axis] = -block[axis]);
         }
         self.set_held(out, -1.0);
-        if let Some(fracture) = self.solid.fracture() {
+        if let Some(broken) = self.solid.base().broken() {
             // a point without unbroken bonds does not move
-            let lost = |point| fracture.broken().of(point) > 0;
+            let lost = |point| broken.of(point) > 0;
             let zeros = out.iter_mut().enumerate().filter(|(_, d)| **d == 0.0);
             zeros
                 .filter(|(i, _)| lost(i / 3))
@@ -141,7 +136,7 @@ impl<'r, 'a> Linearised<'r, 'a> {
             solid, homogeneous, ..
         } = &mut *residual;
         solid.set_displacement(&loads, homogeneous);
-        solid.force(&mut loads);
+        solid.evaluate(Wanted::force(&mut loads));
         for (load, force) in loads.iter_mut().zip(residual.body_force) {
             *load += force;
         }
@@ -153,7 +148,7 @@ impl Rhs for Linearised<'_, '_> {
     fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
         let Residual { solid, rules, .. } = &mut *self.residual;
         solid.set_displacement(state, rules);
-        solid.stiffness(rate);
+        solid.stiffness(Stiffness::Elastic, rate);
         let loads = rate.iter_mut().zip(&self.loads);
         loads.for_each(|(force, load)| *force = load - *force);
         self.residual.set_held(rate, 0.0);
@@ -167,7 +162,7 @@ impl Rhs for Linearised<'_, '_> {
         out: &mut [f64],
     ) -> Result<bool, SolverError> {
         self.residual
-            .rate_of_change(direction, Solid::stiffness, out);
+            .rate_of_change(direction, Stiffness::Elastic, out);
         Ok(true)
     }
 

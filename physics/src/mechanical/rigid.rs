@@ -5,6 +5,7 @@ use perimelt_core::solver::reduce::norm;
 use perimelt_core::solver::{NullSpace, SolverError};
 
 use super::residual::Residual;
+use super::solid::Stiffness;
 
 /// Translations and infinitesimal rotations of the points, three components each.
 pub(super) fn rigid_modes(position: &[Vector3<f64>], dimension: usize) -> Vec<Vec<f64>> {
@@ -51,7 +52,9 @@ pub(super) fn free_rigid_modes(
         residual
             .solid
             .set_displacement(&mode, &residual.homogeneous);
-        residual.solid.stiffness(&mut resistance);
+        residual
+            .solid
+            .stiffness(Stiffness::Elastic, &mut resistance);
         // rounding of a sum of a few hundred terms is smaller, one resisted point among millions is larger
         if !held && norm(&resistance) <= 1e-10 * stiffness * norm(&mode) {
             free.push(mode);

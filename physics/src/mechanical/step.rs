@@ -2,10 +2,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::LayerRule;
+use perimelt_core::solver::Verlet;
 use perimelt_core::solver::reduce::max_abs;
-use perimelt_core::solver::{Verlet, largest_eigenvalue};
 use perimelt_core::world::{BodyIndex, LayersHandle};
-use perimelt_core::{Body, Step, World};
+use perimelt_core::{Step, World};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ use super::growth::mask;
 use super::moduli::Moduli;
 use super::momentum::{Balanced, Momentum};
 use super::plasticity::Inelastic;
-use super::solid::Solid;
+use super::solid::{PointModuli, PointStates, Solid, StressKind, Wanted};
 use super::surface_stress::Extrapolation;
 use super::validity::Validity;
 
@@ -85,8 +85,11 @@ impl MechanicalRun {
             .map_or_else(Vec::new, |a| mask(&a));
         self.set_in_motion(world);
         let temperature = world.read_if_provided(self.fields.temperature);
-        self.solid
-            .set_moduli(world.body(self.body), temperature.as_deref());
+        let body = world.body(self.body);
+        self.solid.set_points(PointStates {
+            moduli: Some(PointModuli::At(body, temperature.as_deref())),
+            ..PointStates::default()
+        });
         if self.fields.conjugate_stress_is_read {
             self.provide_conjugate_stress(world);
         }
@@ -98,14 +101,14 @@ impl MechanicalRun {
         self.validity.has_begun = true;
         let body = world.body(self.body);
         let temperature = world.read_if_provided(self.fields.temperature);
-        self.solid.set_moduli(body, temperature.as_deref());
-        self.eigenstrain_size = 0.0;
-        if let Some(eigenstrain) = self.fields.eigenstrain {
-            let eigenstrain = world.read(eigenstrain);
-            self.solid.set_eigenstrain(&eigenstrain);
-            self.eigenstrain_size = max_abs(&eigenstrain);
-        }
-        let of_eigenstrain = self.eigenstrain_size;
+        let eigenstrain = self.fields.eigenstrain.map(|field| world.read(field));
+        self.solid.set_points(PointStates {
+            moduli: Some(PointModuli::At(body, temperature.as_deref())),
+            eigenstrain: eigenstrain.as_deref(),
+            ..PointStates::default()
+        });
+        let of_eigenstrain = eigenstrain.map_or(0.0, |strain| max_abs(&strain));
+        self.eigenstrain_size = of_eigenstrain;
         self.load_stress_free(world);
         // the strain of births depends on what prescribed strains do to gradients
         if self.follow_activity(world) {
@@ -169,7 +172,8 @@ impl MechanicalRun {
 
     /// Takes the plastic state from the fields, and the flow stress at the temperature of each point.
     pub(super) fn load_plasticity(&mut self, world: &World, temperature: Option<&[f64]>) {
-        let (Some(fields), Some(plasticity)) = (&self.fields.plastic, self.solid.plasticity())
+        let (Some(fields), Some(plasticity)) =
+            (&self.fields.plastic, self.solid.base_mut().plasticity())
         else {
             return;
         };
@@ -204,12 +208,15 @@ impl MechanicalRun {
             return;
         }
         self.load_displacement(world);
-        self.solid.force(&mut self.work);
-        if let (Some(fields), Some(plasticity)) = (&self.fields.plastic, self.solid.plasticity()) {
+        self.solid.evaluate(Wanted::force(&mut self.work));
+        if let (Some(fields), Some(plasticity)) =
+            (&self.fields.plastic, self.solid.base_mut().plasticity())
+        {
             plasticity.settle(&mut world.write(fields.work));
         }
         self.anneal(world);
-        let (Some(fields), Some(plasticity)) = (&self.fields.plastic, self.solid.plasticity())
+        let (Some(fields), Some(plasticity)) =
+            (&self.fields.plastic, self.solid.base_mut().plasticity())
         else {
             return;
         };
@@ -224,7 +231,7 @@ impl MechanicalRun {
     }
 
     fn anneal(&mut self, world: &World) {
-        let limit = (self.solid.plasticity()).and_then(|p| p.annealing_temperature);
+        let limit = (self.solid.base_mut().plasticity()).and_then(|p| p.annealing_temperature);
         let Some(temperature) = world.read_if_provided(self.fields.temperature) else {
             return;
         };
@@ -232,10 +239,11 @@ impl MechanicalRun {
             return;
         };
         let points = 0..self.density.len();
-        let moduli: Vec<Moduli> = points.map(|i| self.solid.moduli_of(i)).collect();
-        let mut stress = self.solid.material_stress();
+        let moduli: Vec<Moduli> = points.map(|i| self.solid.base().moduli_of(i)).collect();
+        let wanted = Wanted::stress(StressKind::Material);
+        let mut stress = self.solid.evaluate(wanted).stress.to_vec();
         self.relieve_fresh(world, &temperature, (limit, &moduli), &mut stress);
-        if let Some(plasticity) = self.solid.plasticity() {
+        if let Some(plasticity) = self.solid.base_mut().plasticity() {
             plasticity.anneal(&temperature, &stress, |i| moduli[i]);
         }
     }
@@ -253,37 +261,20 @@ impl MechanicalRun {
 
     /// An upper bound of the highest frequency in any state of damage, at the stiffest moduli, rad/s.
     pub(super) fn largest_frequency(&mut self, world: &World) -> f64 {
-        let body = world.body(self.body);
-        self.solid.set_stiffest_moduli(body);
+        self.solid.set_points(PointStates {
+            moduli: Some(PointModuli::Stiffest(world.body(self.body))),
+            ..PointStates::default()
+        });
         // that of the intact body, so that a resumed run takes the same steps
-        let intact = FractureState::intact(self.solid.family(), self.density.len());
+        let intact = FractureState::intact(self.solid.base().family(), self.density.len());
         let state = self.solid.replace_fracture_state(intact);
         let rules: Vec<LayerRule> = (world.layer_rules(self.layers).iter())
             .map(LayerRule::homogeneous)
             .collect();
-        self.solid
-            .set_displacement(&vec![0.0; self.work.len()], &rules);
-        let largest = match self.solid.frequency_bound(&self.density) {
-            Some(bound) => bound,
-            None => self.frequency_by_power_iteration(body, &rules),
-        };
+        let largest = self.solid.largest_frequency(&self.density, &rules);
         if let Some(state) = state {
             self.solid.replace_fracture_state(state);
         }
-        largest * self.solid.rise_by_damage().sqrt()
-    }
-
-    fn frequency_by_power_iteration(&mut self, body: &Body, rules: &[LayerRule]) -> f64 {
-        let components = 0..3 * self.density.len();
-        let inverse_density = components.map(|i| match i % 3 < body.dimension {
-            true => 1.0 / self.density[i / 3],
-            false => 0.0,
-        });
-        let inverse_density: Vec<f64> = inverse_density.collect();
-        let square = largest_eigenvalue(&inverse_density, |u, out| {
-            self.solid.set_displacement(u, rules);
-            self.solid.stiffness(out);
-        });
-        square.sqrt()
+        largest
     }
 }

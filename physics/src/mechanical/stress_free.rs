@@ -21,6 +21,7 @@ use perimelt_core::family::{ByImage, Continuation, Mirrored};
 use perimelt_core::{Bond, BondKernel, BrokenBonds, Family, Image, SlotField};
 use rayon::prelude::*;
 
+use super::base::Bonds;
 use super::classical::COMPONENTS;
 
 /// Components of the gradient of a tensor: three for each of xx, yy, zz, xy, yz, zx.
@@ -195,11 +196,12 @@ impl StressFreeDisplacement {
     /// Evaluates D of a strain, from `K^-1` of the points.
     pub(super) fn evaluate(
         &mut self,
-        (family, broken): (&Family, Option<&BrokenBonds>),
+        bonds: Bonds<'_>,
         continuation: &Continuation,
         inverse_shape: &[Matrix3<f64>],
         strain: Prescribed<'_>,
     ) {
+        let Bonds { family, broken } = bonds;
         let uniform = match strain {
             Prescribed::Isotropic(strain) => strain.windows(2).all(|s| s[0] == s[1]),
             Prescribed::Tensor(strain) => strain.windows(2).all(|s| s[0] == s[1]),
@@ -215,7 +217,7 @@ impl StressFreeDisplacement {
             self.one_sided = points.filter_map(of).collect();
             self.has_one_sided = true;
         }
-        self.load_gradient((family, broken), continuation, inverse_shape, strain);
+        self.load_gradient(bonds, continuation, inverse_shape, strain);
         self.correction.clear();
         self.correction.resize(family.points(), Matrix3::zeros());
         let is_tensor = matches!(strain, Prescribed::Tensor(_));
@@ -244,11 +246,12 @@ impl StressFreeDisplacement {
     /// Evaluates the gradient of the strain by slot.
     fn load_gradient(
         &mut self,
-        (family, broken): (&Family, Option<&BrokenBonds>),
+        bonds: Bonds<'_>,
         continuation: &Continuation,
         inverse_shape: &[Matrix3<f64>],
         strain: Prescribed<'_>,
     ) {
+        let Bonds { family, broken } = bonds;
         let components = match strain {
             Prescribed::Isotropic(_) => 1,
             Prescribed::Tensor(_) => COMPONENTS.len(),
@@ -297,10 +300,11 @@ impl StressFreeDisplacement {
     /// Force density of the springs against modes without strain because of q, N/m³; `stiffness` by slot.
     pub(super) fn spring_forces(
         &self,
-        (family, broken): (&Family, Option<&BrokenBonds>),
+        bonds: Bonds<'_>,
         stiffness: &[f64],
         forces: &mut Vec<[f64; 3]>,
     ) {
+        let Bonds { family, broken } = bonds;
         forces.clear();
         if self.is_zero() {
             return;
@@ -321,10 +325,11 @@ impl StressFreeDisplacement {
     /// `sum_j w |u_j - u_i - q|^2` of each point, m², where the strain is not uniform; `displacement` by slot.
     pub(super) fn squared_extension(
         &self,
-        (family, broken): (&Family, Option<&BrokenBonds>),
+        bonds: Bonds<'_>,
         displacement: [&[f64]; 3],
         extension: &mut [[f64; 1]],
     ) {
+        let Bonds { family, broken } = bonds;
         match self.gradient.len() {
             TENSOR => {
                 let inputs = self.inputs::<{ TENSOR + 3 }, 3>(displacement);

@@ -8,7 +8,7 @@ use perimelt_core::{Body, BrokenBonds, Family, Setup, World};
 use super::Mechanical;
 use super::classical::COMPONENTS;
 use super::fracture::FractureState;
-use super::solid::Solid;
+use super::solid::{PointStates, Solid, StressFreeStrain, StressKind, Wanted};
 use crate::testing::{block, read};
 
 const MATERIAL: &str =
@@ -110,9 +110,12 @@ fn prepared(body: Body, keys: &str) -> MechanicalRun {
 fn residuals(solid: &mut dyn Solid, displacement: &[f64], plane_strain: bool) -> [f64; 2] {
     let mut force = vec![0.0; displacement.len()];
     solid.set_displacement(displacement, &[]);
-    solid.force(&mut force);
+    solid.evaluate(Wanted::force(&mut force));
     let largest = |values: &[f64]| values.iter().fold(0.0f64, |m, v| m.max(v.abs())) / 2e11;
-    let mut stress = solid.stress().to_vec();
+    let mut stress = solid
+        .evaluate(Wanted::stress(StressKind::Spatial))
+        .stress
+        .to_vec();
     // across the plane a strain that is not free has a stress
     let across = stress.iter_mut().filter(|_| plane_strain);
     across.for_each(|tensor| tensor[2] = 0.0);
@@ -160,13 +163,16 @@ fn a_linear_temperature_is_free_of_stress() {
                     let solid = &mut mechanical.solid;
                     if keys.contains("fracture") {
                         let state = FractureState {
-                            broken: some_broken(solid.family(), positions.len()),
+                            broken: some_broken(solid.base().family(), positions.len()),
                             frozen: vec![0.0; positions.len()],
                         };
                         solid.replace_fracture_state(state);
                     }
                     let eigenstrain: Vec<f64> = positions.iter().map(|x| strain.at(x)[0]).collect();
-                    solid.set_eigenstrain(&eigenstrain);
+                    solid.set_points(PointStates {
+                        eigenstrain: Some(&eigenstrain),
+                        ..PointStates::default()
+                    });
                     let displacement: Vec<f64> = positions
                         .iter()
                         .flat_map(|x| strain.displacement(x).map(|u| swelling * u))
@@ -192,7 +198,13 @@ fn a_linear_inherent_strain_is_free_of_stress() {
             let mut mechanical = prepared(body, "formulation = 'correspondence'");
             let solid = &mut mechanical.solid;
             let inherent: Vec<[f64; 6]> = positions.iter().map(|x| strain.at(x)).collect();
-            solid.set_stress_free(inherent.clone(), &inherent);
+            solid.set_points(PointStates {
+                stress_free: Some(StressFreeStrain {
+                    strain: &inherent,
+                    prescribed: &inherent,
+                }),
+                ..PointStates::default()
+            });
             let displacement: Vec<f64> = positions
                 .iter()
                 .flat_map(|x| strain.displacement(x))
@@ -212,14 +224,20 @@ fn stress_follows_from_strains_that_are_not_compatible() {
         let mut mechanical = prepared(body, &format!("formulation = '{formulation}'"));
         let solid = &mut mechanical.solid;
         let curved: Vec<f64> = positions.iter().map(|x| 1e2 * x.x * x.x).collect();
-        solid.set_eigenstrain(&curved);
+        solid.set_points(PointStates {
+            eigenstrain: Some(&curved),
+            ..PointStates::default()
+        });
         let none = vec![0.0; 3 * positions.len()];
         let [force, stress] = residuals(&mut **solid, &none, false);
         assert!(
             force > 1e-4 && stress > 1e-3,
             "{formulation}: {force} {stress}"
         );
-        solid.set_eigenstrain(&vec![1e-3; positions.len()]);
+        solid.set_points(PointStates {
+            eigenstrain: Some(&vec![1e-3; positions.len()]),
+            ..PointStates::default()
+        });
         let swollen: Vec<f64> = positions
             .iter()
             .flat_map(|x| [1e-3 * x.x, 1e-3 * x.y, 0.0])

@@ -1,6 +1,7 @@
 mod flow;
 mod motion;
 
+use crate::mechanical::solid::{EnergyKind, StressKind, Wanted};
 use perimelt_core::body::Store;
 use perimelt_core::simulation::Simulation;
 use perimelt_core::{
@@ -100,12 +101,18 @@ fn evaluate(
         .collect();
     solid.set_displacement(&u, &[]);
     let mut force = vec![0.0; u.len()];
-    solid.force(&mut force);
+    solid.evaluate(Wanted::force(&mut force));
     let half = cells.map(|c| c / 2);
     Evaluated {
         force,
-        energy: solid.energy().to_vec(),
-        stress: solid.stress().to_vec(),
+        energy: solid
+            .evaluate(Wanted::energy(EnergyKind::Total))
+            .energy
+            .to_vec(),
+        stress: solid
+            .evaluate(Wanted::stress(StressKind::Spatial))
+            .stress
+            .to_vec(),
         middle: (half[2] * cells[1] + half[1]) * cells[0] + half[0],
     }
 }

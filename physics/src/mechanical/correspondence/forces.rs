@@ -2,35 +2,31 @@
 
 use nalgebra::Matrix3;
 use perimelt_core::family::ByImage;
-use perimelt_core::{Bond, BrokenBonds, Image, SlotField};
+use perimelt_core::{Bond, Image, SlotField};
 use rayon::prelude::*;
 
 use super::Correspondence;
 use super::kernels::{DISPLACEMENT, Force};
+use crate::mechanical::base::{flat, unflatten};
 use crate::mechanical::classical::{Point, diagonal, image_of};
 use crate::mechanical::fracture::Fracture;
 use crate::mechanical::gradient::without;
-use crate::mechanical::solid::{StrainKind, flat, unflatten};
+use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
 use crate::mechanical::stretch::{EXCESS_INPUTS, Excess};
 
 impl Correspondence {
-    pub(super) fn broken(&self) -> Option<&BrokenBonds> {
-        self.fracture.as_ref().map(Fracture::broken)
-    }
-
     /// Evaluates H of the displacement that was set.
     pub(super) fn load_gradient(&mut self) {
         let axes = std::array::from_fn(|axis| self.inputs.along(axis));
-        let broken = self.fracture.as_ref().map(Fracture::broken);
-        if self.gradient.evaluate(&self.family, axes, broken) {
+        let family = &self.base.family;
+        if self.gradient.evaluate(family, axes, self.base.broken()) {
             self.load_stabilisation();
         }
-        let broken = self.fracture.as_ref().map(Fracture::broken);
-        let bonds = (&*self.family, broken);
-        let elastic = &self.elastic;
-        let changed = (self.gradient).follow_strains(bonds, &self.continuation, elastic);
-        if changed && !self.elastic.finite {
+        let (bonds, elastic) = (self.base.bonds(), &self.base.elastic);
+        let continuation = &self.base.continuation;
+        let changed = self.gradient.follow_strains(bonds, continuation, elastic);
+        if changed && !elastic.finite {
             let stiffness = &self.inputs.stabilisation[..];
             let stress_free = &self.gradient.stress_free;
             stress_free.spring_forces(bonds, stiffness, &mut self.spring_forces);
@@ -47,7 +43,7 @@ impl Correspondence {
         let (forces, _) = out.as_chunks_mut::<3>();
         let points = forces.par_iter_mut().zip(&self.spring_forces);
         points.with_min_len(4096).for_each(|(force, springs)| {
-            (0..self.dimension).for_each(|axis| force[axis] += springs[axis]);
+            (0..self.base.dimension).for_each(|axis| force[axis] += springs[axis]);
         });
     }
 
@@ -73,7 +69,7 @@ impl Correspondence {
 
     /// Evaluates the stress and loads the force states.
     pub(super) fn load_force_state(&mut self, strain: StrainKind, finite: bool) {
-        let dimension = self.dimension;
+        let dimension = self.base.dimension;
         // by rows; only those in the dimensions of the body are loaded
         let entry = |n: usize| (n / dimension % 3, n % dimension);
         let mut states = std::mem::take(&mut self.force_state);
@@ -91,15 +87,15 @@ impl Correspondence {
         let of_image = |image: &Image| {
             let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
             // a state that gives way to other forces keeps the stress of no strain where the layer is constant
-            let gradient = match self.layer_forces.replace(image) {
+            let gradient = match self.base.layer_forces.replace(image) {
                 true => Matrix3::zeros(),
                 false => scale * values[image.point] * mirror + image.bend,
             };
             let inverse = mirror * inverse[image.point] * mirror;
             let mut point = self.point(image.point, strain);
-            if self.plasticity.is_some() || !self.elastic.stress_free.is_empty() {
+            if self.base.plasticity.is_some() || !self.base.elastic.stress_free.is_empty() {
                 let inelastic = image_of(&scale, &point.inelastic, &mirror);
-                point = point.replace_inelastic(self.elastic.stress_state(), inelastic);
+                point = point.replace_inelastic(self.base.elastic.stress_state(), inelastic);
             }
             let correction = correction(image.point).map(|c| scale * c * mirror);
             let gradient = (&gradient, correction.as_ref());
@@ -111,13 +107,13 @@ impl Correspondence {
             let at = entry(n);
             move |point: usize| by_point[point][at]
         };
-        let ghosts = ByImage(&self.continuation, of_image);
-        SlotField::load_all(&mut slots, &self.family, component, ghosts);
+        let ghosts = ByImage(&self.base.continuation, of_image);
+        SlotField::load_all(&mut slots, &self.base.family, component, ghosts);
         (self.force_state, self.inputs.force_state) = (states, slots);
     }
 
     pub(super) fn sum_forces(&mut self, out: &mut [f64]) {
-        match self.dimension {
+        match self.base.dimension {
             2 => self.sum_forces_in::<2>(out),
             _ => self.sum_forces_in::<3>(out),
         }
@@ -125,23 +121,26 @@ impl Correspondence {
 
     fn sum_forces_in<const D: usize>(&mut self, out: &mut [f64]) {
         let inputs = self.inputs.of_forces();
-        let broken = self.fracture.as_ref().map(Fracture::broken);
-        let sums = flat::<D>(&mut self.padded, bytemuck::cast_slice_mut(out));
-        self.family.sum_unbroken(&Force, inputs, broken, sums);
-        unflatten::<D>(&self.padded, out);
-        let continued = (&*self.family, &self.continuation);
-        let layers = &mut self.layer_forces;
+        let broken = self.base.fracture.as_ref().map(Fracture::broken);
+        let sums = flat::<D>(&mut self.base.padded, bytemuck::cast_slice_mut(out));
+        self.base.family.sum_unbroken(&Force, inputs, broken, sums);
+        unflatten::<D>(&self.base.padded, out);
+        let continued = (&*self.base.family, &self.base.continuation);
+        let layers = &mut self.base.layer_forces;
         layers.complete::<_, D>((&Force, DISPLACEMENT), continued, (inputs, broken), out);
     }
 
     /// Sums the excess of bonds over their critical stretch.
     pub(super) fn sum_excess(&mut self) {
-        let Some(fracture) = &mut self.fracture else {
+        let Some(fracture) = &mut self.base.fracture else {
             return;
         };
         let inputs = self.inputs.of_excess();
-        let (finite, broken) = (self.elastic.finite, Some(&fracture.state.broken));
-        let (family, sums) = (&self.family, bytemuck::cast_slice_mut(&mut fracture.excess));
+        let (finite, broken) = (self.base.elastic.finite, Some(&fracture.state.broken));
+        let (family, sums) = (
+            &self.base.family,
+            bytemuck::cast_slice_mut(&mut fracture.excess),
+        );
         specialise!(FINITE = finite =>
             family.sum_unbroken(&Excess::<FINITE>, inputs, broken, sums));
         fracture.add_excess_of_crossings(family, stretch_ratio(finite, inputs));

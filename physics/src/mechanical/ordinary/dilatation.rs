@@ -110,7 +110,8 @@ impl Dilatation {
     /// Sums the stretches of the displacement that was loaded, of a kind of strain.
     pub(super) fn sum(
         &mut self,
-        (strain, finite): (StrainKind, bool),
+        strain: StrainKind,
+        finite: bool,
         inputs: &Inputs,
         broken: Option<&BrokenBonds>,
     ) {

@@ -1,13 +1,14 @@
 //! Forces of the bonds, and the breaking of bonds.
 
-use perimelt_core::{Bond, BondKernel, BrokenBonds};
+use perimelt_core::{Bond, BondKernel};
 use rayon::prelude::*;
 
 use super::Ordinary;
 use super::dilatation::PressureLaw;
 use super::inputs::Inputs;
+use crate::mechanical::base::{flat, unflatten};
 use crate::mechanical::fracture::{BondLoads, Fracture, NewBreaks};
-use crate::mechanical::solid::{StrainKind, flat, unflatten};
+use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
 use crate::mechanical::stretch::{
     Breaking, Dilation, Energy, Force, INPUTS, Load, Plastic, Stiffness,
@@ -25,63 +26,58 @@ pub(super) enum Sum {
 }
 
 impl Ordinary {
-    pub(super) fn broken(&self) -> Option<&BrokenBonds> {
-        self.fracture.as_ref().map(Fracture::broken)
-    }
-
     /// Evaluates the pressure of the displacement that was set.
     pub(super) fn load_pressure(&mut self, strain: StrainKind, finite: bool) {
         let Some(dilatation) = &mut self.dilatation else {
             return;
         };
-        let broken = self.fracture.as_ref().map(Fracture::broken);
-        dilatation.sum((strain, finite), &self.inputs, broken);
-        dilatation.sum_directions(&self.continuation, &self.inputs, broken);
+        let broken = self.base.fracture.as_ref().map(Fracture::broken);
+        dilatation.sum(strain, finite, &self.inputs, broken);
+        dilatation.sum_directions(&self.base.continuation, &self.inputs, broken);
         let law = PressureLaw {
-            elastic: &self.elastic,
-            plasticity: self.plastic.as_ref().map(|p| &p.state),
-            layers: &self.layer_forces,
+            elastic: &self.base.elastic,
+            plasticity: self.base.plasticity.as_ref(),
+            layers: &self.base.layer_forces,
             strain,
         };
-        dilatation.load_pressure(&law, &self.family, &mut self.inputs, &self.continuation);
+        dilatation.load_pressure(
+            &law,
+            &self.base.family,
+            &mut self.inputs,
+            &self.base.continuation,
+        );
     }
 
     /// Loads the inelastic strain of the trial state, or its change.
     pub(super) fn load_inelastic(&mut self, strain: StrainKind) {
-        let Some(plastic) = &self.plastic else {
+        let Some(state) = &self.base.plasticity else {
             return;
         };
-        let state = &plastic.state;
         let strain_of = |i: usize| match strain {
             StrainKind::Change => state.change[i],
             StrainKind::Elastic | StrainKind::Total => state.tried[i].strain,
         };
-        self.inputs.load_inelastic(&self.continuation, strain_of);
+        self.inputs
+            .load_inelastic(&self.base.continuation, strain_of);
     }
 
-    /// Returns the stress of the displacement that was set to the flow stress.
-    pub(super) fn return_to_flow_stress(&mut self) {
-        let Some(plastic) = &mut self.plastic else {
+    /// Evaluates the displacement gradients of a body that flows.
+    pub(super) fn load_gradient(&mut self) {
+        let Some(gradient) = &mut self.gradient else {
             return;
         };
-        let broken = self.fracture.as_ref().map(Fracture::broken);
-        let displacement = self.inputs.displacement();
-        plastic
-            .gradient
-            .evaluate(&self.family, displacement, broken);
-        let bonds = (&*self.family, broken);
-        let elastic = &self.elastic;
-        plastic
-            .gradient
-            .follow_strains(bonds, &self.continuation, elastic);
-        plastic
-            .state
-            .try_strains(self.elastic.strained(&plastic.gradient));
+        let base = &self.base;
+        gradient.evaluate(&base.family, self.inputs.displacement(), base.broken());
+        gradient.follow_strains(base.bonds(), &base.continuation, &base.elastic);
     }
 
     /// Sums forces and, if bonds break, the excess of bonds over their limit.
     pub(super) fn sum_forces_and_excess(&mut self, out: &mut [f64]) {
-        match (&self.fracture, self.plastic.is_some(), self.dimension) {
+        match (
+            &self.base.fracture,
+            self.base.plasticity.is_some(),
+            self.base.dimension,
+        ) {
             (None, ..) => self.sum_forces(Sum::Force, out),
             (Some(_), true, _) => {
                 self.sum_forces(Sum::Force, out);
@@ -91,43 +87,43 @@ impl Ordinary {
             (Some(_), false, _) => self.sum_breaking::<3>(out),
         }
         let load = self.load_kernel();
-        let Some(fracture) = &mut self.fracture else {
+        let Some(fracture) = &mut self.base.fracture else {
             return;
         };
-        match self.plastic.is_some() {
+        match self.base.plasticity.is_some() {
             true => {
                 let ratio = plastic_ratio(load, &self.inputs);
-                fracture.add_excess_of_crossings(&self.family, ratio);
+                fracture.add_excess_of_crossings(&self.base.family, ratio);
             }
             false => {
                 let ratio = elastic_ratio(load, &self.inputs);
-                fracture.add_excess_of_crossings(&self.family, ratio);
+                fracture.add_excess_of_crossings(&self.base.family, ratio);
             }
         }
     }
 
     pub(super) fn sum_forces(&mut self, sum: Sum, out: &mut [f64]) {
-        match self.dimension {
+        match self.base.dimension {
             2 => self.sum_forces_in::<2>(sum, out),
             _ => self.sum_forces_in::<3>(sum, out),
         }
     }
 
     fn sum_forces_in<const D: usize>(&mut self, sum: Sum, out: &mut [f64]) {
-        let broken = self.fracture.as_ref().map(Fracture::broken);
-        let (inputs, finite) = (&self.inputs, self.elastic.finite);
-        let sums = flat::<D>(&mut self.padded, bytemuck::cast_slice_mut(out));
+        let broken = self.base.fracture.as_ref().map(Fracture::broken);
+        let (inputs, finite) = (&self.inputs, self.base.elastic.finite);
+        let sums = flat::<D>(&mut self.base.padded, bytemuck::cast_slice_mut(out));
         let dilatation = self.dilatation.is_some();
         match sum {
             Sum::Change => inputs.sum_plastic_change(Force::<false, true>, broken, sums),
             Sum::Stiffness => specialise!(DILATATION = dilatation =>
                 inputs.sum_forces(&Stiffness::<DILATATION>, broken, sums)),
-            Sum::Force if self.plastic.is_some() => specialise!(FINITE = finite =>
+            Sum::Force if self.base.plasticity.is_some() => specialise!(FINITE = finite =>
                 inputs.sum_plastic(Force::<FINITE, true>, broken, sums)),
             Sum::Force => specialise!(FINITE = finite, DILATATION = dilatation =>
                 inputs.sum_forces(&Force::<FINITE, DILATATION>, broken, sums)),
         }
-        unflatten::<D>(&self.padded, out);
+        unflatten::<D>(&self.base.padded, out);
         self.complete_forces::<D>(sum, out);
         if sum == Sum::Change {
             out.par_iter_mut().for_each(|f| *f = -*f);
@@ -136,13 +132,13 @@ impl Ordinary {
 
     /// Adds what bonds to layers give besides the states of their ends.
     fn complete_forces<const D: usize>(&mut self, sum: Sum, out: &mut [f64]) {
-        let layers = &mut self.layer_forces;
+        let layers = &mut self.base.layer_forces;
         if layers.is_empty() {
             return;
         }
-        let broken = self.fracture.as_ref().map(Fracture::broken);
-        let (inputs, finite) = (&self.inputs, self.elastic.finite);
-        let continued = (&*self.family, &self.continuation);
+        let broken = self.base.fracture.as_ref().map(Fracture::broken);
+        let (inputs, finite) = (&self.inputs, self.base.elastic.finite);
+        let continued = (&*self.base.family, &self.base.continuation);
         let dilatation = self.dilatation.is_some();
         let elastic = (inputs.first::<INPUTS>(), broken);
         match sum {
@@ -155,7 +151,7 @@ impl Ordinary {
                 let kernel = Stiffness::<DILATATION>;
                 layers.complete::<_, D>((&kernel, 0), continued, elastic, out);
             }),
-            Sum::Force if self.plastic.is_some() => specialise!(FINITE = finite => {
+            Sum::Force if self.base.plasticity.is_some() => specialise!(FINITE = finite => {
                 let kernel = Plastic(Force::<FINITE, true>);
                 let inputs = (inputs.plastic(), broken);
                 layers.complete::<_, D>((&kernel, 0), continued, inputs, out);
@@ -169,11 +165,11 @@ impl Ordinary {
 
     /// Forces and, in the same sweep, the excess of bonds over their limit.
     fn sum_breaking<const D: usize>(&mut self, out: &mut [f64]) {
-        let Some(fracture) = &mut self.fracture else {
+        let Some(fracture) = &mut self.base.fracture else {
             return;
         };
         let (energy, dilatation) = (fracture.compares_energy(), self.dilatation.is_some());
-        let (inputs, finite) = (&self.inputs, self.elastic.finite);
+        let (inputs, finite) = (&self.inputs, self.base.elastic.finite);
         let (vectors, _) = out.as_chunks_mut::<3>();
         let sums = (vectors, &mut fracture.excess[..]);
         let broken = Some(&fracture.state.broken);
@@ -187,29 +183,30 @@ impl Ordinary {
     /// The excess of the bonds of a plastic body.
     fn sum_plastic_excess(&mut self) {
         let kernel = self.load_kernel();
-        let Some(fracture) = &mut self.fracture else {
+        let Some(fracture) = &mut self.base.fracture else {
             return;
         };
         let broken = Some(&fracture.state.broken);
-        self.inputs.sum_plastic(kernel, broken, &mut self.energy);
-        let excess = fracture.excess.iter_mut().zip(&self.energy);
+        self.inputs
+            .sum_plastic(kernel, broken, &mut self.base.energy);
+        let excess = fracture.excess.iter_mut().zip(&self.base.energy);
         excess.for_each(|(excess, [_, load])| *excess = *load);
     }
 
     fn load_kernel(&self) -> Load {
         Load {
-            finite: self.elastic.finite,
-            energy: (self.fracture.as_ref()).is_some_and(Fracture::compares_energy),
+            finite: self.base.elastic.finite,
+            energy: (self.base.fracture.as_ref()).is_some_and(Fracture::compares_energy),
             pairs: self.dilatation.is_none(),
         }
     }
 
     pub(super) fn break_exceeding_bonds(&mut self, fraction: f64, damage: &mut [f64]) -> NewBreaks {
         let load = self.load_kernel();
-        let Some(fracture) = &mut self.fracture else {
+        let Some(fracture) = &mut self.base.fracture else {
             return NewBreaks::default();
         };
-        let (family, elastic) = (&self.family, &self.elastic);
+        let (family, elastic) = (&self.base.family, &self.base.elastic);
         let (finite, dilatation) = (elastic.finite, self.dilatation.as_ref());
         let (inputs, pairs) = (self.inputs.first::<INPUTS>(), dilatation.is_none());
         let ends = |own, other| [own, other].map(|slot: usize| inputs.map(|i| i[slot]));
@@ -225,7 +222,7 @@ impl Ordinary {
                 Dilation::<FINITE>.bond(bond, own, other));
             stress + dilatation.conjugate_stress(elastic, point, dilation)
         };
-        if self.plastic.is_some() {
+        if self.base.plasticity.is_some() {
             let ratio = plastic_ratio(load, &self.inputs);
             let loads = BondLoads { ratio, conjugate };
             return fracture.break_bonds(family, fraction, damage, loads);

@@ -7,22 +7,21 @@ mod inputs;
 
 use std::sync::Arc;
 
-use perimelt_core::family::{AxisPlane, Continuation, LayerRule, Mirrored};
-use perimelt_core::solver::reduce::max_abs;
+use perimelt_core::family::{AxisPlane, LayerRule, Mirrored};
 use perimelt_core::{Body, Family, SlotField};
 
+use super::base::{Properties, SolidBase};
 use super::classical::symmetric;
-use super::elastic::ElasticPoints;
 use super::fracture::{Fracture, FractureState, NewBreaks};
 use super::gradient::{FlatFamily, Gradient};
-use super::layer_forces::LayerForces;
-use super::moduli::Moduli;
-use super::plasticity::Plasticity;
-use super::solid::{Constitution, LayeredDisplacement, Solid, StrainKind, continue_displacement};
+use super::solid::{
+    Constitution, EnergyKind, Evaluated, PointModuli, PointStates, Solid, Stiffness, StrainKind,
+    StressKind, Wanted,
+};
 use super::specialise::specialise;
 use super::stretch::{
     Block, CRITICAL, EIGENSTRAIN, ElasticEnergy, Energy, Force, INPUTS, Plastic, STIFFNESS, Stress,
-    WeightOverLength, find_overstretched, relative_displacement_beyond,
+    WeightOverLength,
 };
 use dilatation::Dilatation;
 use forces::Sum;
@@ -32,30 +31,13 @@ use inputs::{Inputs, Needs};
 /// is that of the material.
 #[derive(Debug)]
 pub struct Ordinary {
-    family: Arc<Family>,
-    dimension: usize,
-    /// The largest horizon, m.
-    horizon: f64,
+    base: SolidBase,
     horizons_differ: bool,
-    elastic: ElasticPoints,
-    /// Of an ordinary state-based solid.
+    /// `None` for a bond-based solid.
     dilatation: Option<Dilatation>,
-    plastic: Option<PlasticPoints>,
-    fracture: Option<Fracture>,
-    continuation: Continuation,
-    layer_forces: LayerForces,
+    /// The displacement gradients from which plastic flow follows; `None` for an elastic solid.
+    gradient: Option<Gradient>,
     inputs: Inputs,
-    /// Sums with as many components as the dimension, in 2D.
-    padded: Vec<f64>,
-    energy: Vec<[f64; 2]>,
-    tensors: Vec<[f64; 6]>,
-}
-
-/// Plastic state, and the displacement gradients from which it follows.
-#[derive(Debug)]
-struct PlasticPoints {
-    state: Plasticity,
-    gradient: Gradient,
 }
 
 impl Ordinary {
@@ -69,60 +51,57 @@ impl Ordinary {
         family: Arc<Family>,
         constitution: Constitution,
     ) -> Result<Self, FlatFamily> {
-        let (points, dimension) = (body.points.len(), body.dimension);
-        let Constitution {
-            elasticity,
-            finite,
-            plasticity,
-            fracture,
-            in_motion,
-        } = constitution;
-        let is_ordinary = elasticity.has_free_poissons_ratio();
+        let is_ordinary = constitution.elasticity.has_free_poissons_ratio();
         let needs = Needs {
             pressure: is_ordinary,
-            limits: fracture.is_some(),
-            inelastic: plasticity.is_some(),
+            limits: constitution.fracture.is_some(),
+            inelastic: constitution.plasticity.is_some(),
         };
-        let plastic = match plasticity {
-            Some(state) => Some(PlasticPoints {
-                state,
-                gradient: Gradient::new(body, &family)?,
-            }),
-            None => None,
+        let gradient = match needs.inelastic {
+            true => Some(Gradient::new(body, &family)?),
+            false => None,
         };
-        let horizons = body.points.horizons(family.spec().horizon);
+        let properties = Properties {
+            bonds_shear: false,
+            // bonds carry forces along themselves, but flow follows the strain of whole families
+            has_symmetric_plastic_tangent: false,
+        };
+        let base = SolidBase::new(body, family, constitution, properties);
         let mut this = Ordinary {
-            dimension,
-            horizon: max_abs(&horizons),
-            horizons_differ: horizons.windows(2).any(|h| h[0] != h[1]),
-            elastic: ElasticPoints::new(body, elasticity, finite),
-            dilatation: is_ordinary.then(|| Dilatation::new(&family, body)),
-            plastic,
-            fracture,
-            continuation: Continuation::default(),
-            layer_forces: LayerForces::new(dimension, &body.points.volume, in_motion),
-            inputs: Inputs::new(family.clone(), dimension, needs),
-            padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
-            energy: vec![[0.0; 2]; points],
-            tensors: vec![[0.0; 6]; points],
-            family,
+            horizons_differ: base.horizons.windows(2).any(|h| h[0] != h[1]),
+            dilatation: is_ordinary.then(|| Dilatation::new(&base.family, body)),
+            gradient,
+            inputs: Inputs::new(base.family.clone(), body.dimension, needs),
+            base,
         };
         this.load_stiffness();
-        this.load_limits(body, None);
+        this.load_limits(body, None, true);
         this.find_uniform_inputs();
         Ok(this)
     }
 
     fn load_stiffness(&mut self) {
-        let stiffness = |i: usize| self.elastic.moduli(i).bond_stiffness(self.dimension);
+        let stiffness = |i: usize| {
+            self.base
+                .elastic
+                .moduli(i)
+                .bond_stiffness(self.base.dimension)
+        };
         self.inputs.load(STIFFNESS, stiffness);
     }
 
-    fn load_limits(&mut self, body: &Body, temperature: Option<&[f64]>) {
-        if let Some(fracture) = &mut self.fracture {
-            fracture.load(body, temperature, |i| self.elastic.moduli(i));
+    /// Evaluates the limits of bonds; whether they can have changed.
+    fn load_limits(
+        &mut self,
+        body: &Body,
+        temperature: Option<&[f64]>,
+        moduli_changed: bool,
+    ) -> bool {
+        let changed = self.base.load_limits(body, temperature, moduli_changed);
+        if let (true, Some(fracture)) = (changed, &self.base.fracture) {
             self.inputs.load(CRITICAL, &fracture.critical[..]);
         }
+        changed
     }
 
     /// Finds out whether all points have the same eigenstrain, stiffness and limit.
@@ -131,13 +110,13 @@ impl Ordinary {
             let first = values.first().copied().unwrap_or_default();
             values.iter().all(|v| *v == first).then_some(first)
         };
-        let limit = (self.fracture.as_ref()).map_or(Some(0.0), |f| same(&f.critical));
-        let eigenstrain = same(&self.elastic.eigenstrain);
-        self.inputs.uniform = match (self.elastic.uniform(), eigenstrain, limit) {
+        let limit = (self.base.fracture.as_ref()).map_or(Some(0.0), |f| same(&f.critical));
+        let eigenstrain = same(&self.base.elastic.eigenstrain);
+        self.inputs.uniform = match (self.base.elastic.uniform(), eigenstrain, limit) {
             (Some(moduli), Some(eigenstrain), Some(limit)) => {
                 let mut point = [0.0; INPUTS];
                 point[EIGENSTRAIN] = eigenstrain;
-                point[STIFFNESS] = moduli.bond_stiffness(self.dimension);
+                point[STIFFNESS] = moduli.bond_stiffness(self.base.dimension);
                 point[CRITICAL] = limit;
                 Some(point)
             }
@@ -146,115 +125,225 @@ impl Ordinary {
     }
 
     fn sum_stress(&mut self) {
-        let broken = self.fracture.as_ref().map(Fracture::broken);
+        let broken = self.base.fracture.as_ref().map(Fracture::broken);
         let kernel = Stress {
-            finite: self.elastic.finite,
+            finite: self.base.elastic.finite,
             symmetric: self.horizons_differ,
         };
-        match self.plastic {
-            Some(_) => self.inputs.sum_plastic(kernel, broken, &mut self.tensors),
-            None => self.inputs.sum(&kernel, broken, &mut self.tensors),
+        match self.base.plasticity {
+            Some(_) => self
+                .inputs
+                .sum_plastic(kernel, broken, &mut self.base.tensors),
+            None => self.inputs.sum(&kernel, broken, &mut self.base.tensors),
+        }
+    }
+}
+
+impl Ordinary {
+    fn set_moduli(&mut self, moduli: PointModuli<'_>) {
+        match moduli {
+            PointModuli::At(body, temperature) => {
+                let changed = self.base.elastic.set_moduli(body, temperature);
+                if changed {
+                    self.load_stiffness();
+                }
+                if self.load_limits(body, temperature, changed) || changed {
+                    self.find_uniform_inputs();
+                }
+            }
+            PointModuli::Stiffest(body) => {
+                if self.base.elastic.set_stiffest_moduli(body) {
+                    self.load_stiffness();
+                }
+            }
+        }
+    }
+
+    fn set_eigenstrain(&mut self, eigenstrain: &[f64]) {
+        if self.base.elastic.set_eigenstrain(eigenstrain) {
+            (self.inputs).load(EIGENSTRAIN, &self.base.elastic.eigenstrain[..]);
+            self.find_uniform_inputs();
+            if let Some(gradient) = &mut self.gradient {
+                gradient.forget_strains();
+            }
+        }
+    }
+
+    /// Evaluates the forces, and with them the trial state of the flow and the loads of bonds.
+    fn evaluate_force(&mut self, out: &mut [f64]) {
+        self.load_gradient();
+        if let (Some(plasticity), Some(gradient)) = (&mut self.base.plasticity, &self.gradient) {
+            plasticity.try_strains(self.base.elastic.strained(gradient));
+        }
+        self.load_inelastic(StrainKind::Elastic);
+        self.load_pressure(StrainKind::Elastic, self.base.elastic.finite);
+        self.sum_forces_and_excess(out);
+    }
+
+    fn evaluate_stress(&mut self) {
+        self.load_inelastic(StrainKind::Elastic);
+        self.load_pressure(StrainKind::Elastic, self.base.elastic.finite);
+        self.sum_stress();
+        let SolidBase {
+            elastic,
+            plasticity,
+            tensors,
+            ..
+        } = &mut self.base;
+        if elastic.is_plane_strain() {
+            for (i, tensor) in tensors.iter_mut().enumerate() {
+                let tried = plasticity.as_ref().map(|p| &p.tried[i].strain);
+                let across = tried.map_or(0.0, |strain| strain[2]);
+                let (moduli, eigenstrain) = (elastic.moduli(i), elastic.eigenstrain[i]);
+                tensor[2] = moduli.stress_across(tensor, eigenstrain, across);
+            }
+        }
+    }
+
+    fn evaluate_total_energy(&mut self) {
+        let SolidBase {
+            elastic,
+            fracture,
+            energy,
+            ..
+        } = &mut self.base;
+        let broken = fracture.as_ref().map(Fracture::broken);
+        let (finite, pairs, inputs) = (elastic.finite, self.dilatation.is_none(), &self.inputs);
+        specialise!(FINITE = finite =>
+            inputs.sum::<INPUTS, 2>(&Energy::<FINITE> { pairs }, broken, energy));
+        if let Some(dilatation) = &mut self.dilatation {
+            dilatation.sum(StrainKind::Total, finite, inputs, broken);
+            for (i, [density, conjugate]) in energy.iter_mut().enumerate() {
+                *density += dilatation.energy(elastic, None, i);
+                *conjugate += dilatation.conjugate_stress(elastic, i, dilatation.sums[i]);
+            }
+        }
+        for (i, [_, conjugate]) in energy.iter_mut().enumerate() {
+            let frozen = fracture.as_ref().map_or(0.0, |f| f.state.frozen[i]);
+            *conjugate = (*conjugate + frozen) * elastic.moduli(i).swelling;
+        }
+    }
+
+    fn evaluate_elastic_energy(&mut self) {
+        self.load_inelastic(StrainKind::Elastic);
+        let SolidBase {
+            elastic,
+            plasticity,
+            fracture,
+            energy,
+            ..
+        } = &mut self.base;
+        let broken = fracture.as_ref().map(Fracture::broken);
+        let (finite, pairs, inputs) = (elastic.finite, self.dilatation.is_none(), &self.inputs);
+        match plasticity {
+            Some(_) => specialise!(FINITE = finite =>
+                inputs.sum_plastic(ElasticEnergy::<FINITE> { pairs }, broken, energy)),
+            None => specialise!(FINITE = finite =>
+                inputs.sum::<INPUTS, 2>(&ElasticEnergy::<FINITE> { pairs }, broken, energy)),
+        }
+        if let Some(dilatation) = &mut self.dilatation {
+            dilatation.sum(StrainKind::Elastic, finite, inputs, broken);
+            for (i, [density, _]) in energy.iter_mut().enumerate() {
+                *density += dilatation.energy(elastic, plasticity.as_ref(), i);
+            }
         }
     }
 }
 
 impl Solid for Ordinary {
-    fn set_moduli(&mut self, body: &Body, temperature: Option<&[f64]>) {
-        let changed = self.elastic.set_moduli(body, temperature);
-        if changed {
-            self.load_stiffness();
-        }
-        if changed || !self.fracture.as_ref().is_none_or(Fracture::is_constant) {
-            self.load_limits(body, temperature);
-            self.find_uniform_inputs();
-        }
+    fn base(&self) -> &SolidBase {
+        &self.base
     }
 
-    fn set_stiffest_moduli(&mut self, body: &Body) {
-        if self.elastic.set_stiffest_moduli(body) {
-            self.load_stiffness();
-        }
+    fn base_mut(&mut self) -> &mut SolidBase {
+        &mut self.base
     }
 
-    fn set_eigenstrain(&mut self, eigenstrain: &[f64]) {
-        if self.elastic.set_eigenstrain(eigenstrain) {
-            self.inputs.load(EIGENSTRAIN, &self.elastic.eigenstrain[..]);
-            self.find_uniform_inputs();
-            if let Some(plastic) = &mut self.plastic {
-                plastic.gradient.forget_strains();
-            }
+    fn set_points(&mut self, states: PointStates<'_>) {
+        let PointStates {
+            moduli,
+            eigenstrain,
+            stress_free,
+            present,
+        } = states;
+        assert!(
+            stress_free.is_none() && present.is_none(),
+            "set-up refuses births and inherent strains of bonds along themselves"
+        );
+        if let Some(moduli) = moduli {
+            self.set_moduli(moduli);
+        }
+        if let Some(eigenstrain) = eigenstrain {
+            self.set_eigenstrain(eigenstrain);
         }
     }
 
     fn set_displacement(&mut self, values: &[f64], rules: &[LayerRule]) {
-        continue_displacement(
-            &self.family,
-            LayeredDisplacement { values, rules },
-            &self.elastic,
-            &mut self.inputs.slots[..self.dimension],
-            &mut self.continuation,
-        );
-        self.layer_forces.follow(&self.family, &self.continuation);
+        let vector = &mut self.inputs.slots[..self.base.dimension];
+        self.base.continue_displacement(values, rules, vector);
     }
 
-    fn find_overstretched(&self, limit: f64) -> Option<usize> {
-        let (displacement, finite) = (self.inputs.displacement(), self.elastic.finite);
-        find_overstretched(&self.family, (displacement, self.broken()), (finite, limit))
+    fn displacement(&self) -> [&[f64]; 3] {
+        self.inputs.displacement()
     }
 
-    fn relative_displacement_beyond(&self, limit: f64) -> Option<f64> {
-        let bonds = (&*self.family, self.broken());
-        relative_displacement_beyond(bonds, self.inputs.displacement(), limit)
-    }
-
-    fn horizon(&self) -> f64 {
-        self.horizon
-    }
-
-    fn force(&mut self, out: &mut [f64]) {
-        self.return_to_flow_stress();
-        self.load_inelastic(StrainKind::Elastic);
-        self.load_pressure(StrainKind::Elastic, self.elastic.finite);
-        self.sum_forces_and_excess(out);
-    }
-
-    fn stiffness(&mut self, out: &mut [f64]) {
-        self.load_pressure(StrainKind::Total, false);
-        self.sum_forces(Sum::Stiffness, out);
-    }
-
-    fn linearise(&mut self) {
-        if let Some(plastic) = &mut self.plastic {
-            let points = self.elastic.strained(&plastic.gradient);
-            plastic.state.linearise(points);
+    fn evaluate(&mut self, wanted: Wanted<'_>) -> Evaluated<'_> {
+        let Wanted {
+            force,
+            stress,
+            energy,
+            ..
+        } = wanted;
+        if let Some(out) = force {
+            self.evaluate_force(out);
+        }
+        match stress {
+            Some(StressKind::Spatial) => self.evaluate_stress(),
+            Some(StressKind::Material) => {
+                self.load_gradient();
+                self.base.evaluate_tried_stress(self.gradient.as_ref());
+            }
+            None => {}
+        }
+        match energy {
+            Some(EnergyKind::Total) => self.evaluate_total_energy(),
+            Some(EnergyKind::Elastic) => self.evaluate_elastic_energy(),
+            None => {}
+        }
+        Evaluated {
+            stress: self.base.stress_of(stress),
+            energy: self.base.energy_of(energy),
+            gradient: &[],
         }
     }
 
-    fn tangent(&mut self, out: &mut [f64]) {
-        let Some(plastic) = &mut self.plastic else {
-            return self.stiffness(out);
+    fn linearise(&mut self) {
+        self.load_gradient();
+        if let (Some(plasticity), Some(gradient)) = (&mut self.base.plasticity, &self.gradient) {
+            plasticity.linearise(self.base.elastic.strained(gradient));
+        }
+    }
+
+    fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {
+        let (Stiffness::Plastic, Some(plasticity), Some(gradient)) =
+            (kind, &mut self.base.plasticity, &mut self.gradient)
+        else {
+            self.load_pressure(StrainKind::Total, false);
+            return self.sum_forces(Sum::Stiffness, out);
         };
-        let broken = self.fracture.as_ref().map(Fracture::broken);
-        let displacement = self.inputs.displacement();
-        plastic
-            .gradient
-            .evaluate(&self.family, displacement, broken);
-        plastic.state.follow(&plastic.gradient.values);
+        let broken = self.base.fracture.as_ref().map(Fracture::broken);
+        gradient.evaluate(&self.base.family, self.inputs.displacement(), broken);
+        plasticity.follow(&gradient.values);
         self.load_inelastic(StrainKind::Change);
         self.load_pressure(StrainKind::Change, false);
         self.sum_forces(Sum::Change, out);
     }
 
-    /// Bonds carry forces along themselves, but flow follows the strain of whole families.
-    fn has_symmetric_plastic_tangent(&self) -> bool {
-        false
-    }
-
     fn blocks(&mut self) -> &[[f64; 6]] {
-        let broken = self.fracture.as_ref().map(Fracture::broken);
-        let (inputs, tensors) = (&self.inputs, &mut self.tensors);
+        let broken = self.base.fracture.as_ref().map(Fracture::broken);
+        let (inputs, tensors) = (&self.inputs, &mut self.base.tensors);
         inputs.sum::<INPUTS, 6>(&Block, broken, tensors);
-        let layers = &self.layer_forces;
+        let layers = &self.base.layer_forces;
         layers.complete_blocks::<INPUTS>(&Block, inputs.first(), broken, tensors);
         tensors
     }
@@ -262,45 +351,37 @@ impl Solid for Ordinary {
     /// Twice the largest eigenvalue of the diagonal block, which bounds the eigenvalues of a network of springs
     /// because `(n . (u_j - u_i))^2 <= 2 (n . u_i)^2 + 2 (n . u_j)^2`. A positive dilatation stiffness adds at
     /// most the springs `c = 4 a N^2 sum_j w/|xi|`, by `(sum_j w s)^2 <= (sum_j w/|xi|) sum_j w |xi| s^2`.
-    fn frequency_bound(&mut self, density: &[f64]) -> Option<f64> {
-        let points = self.energy.len();
+    fn largest_frequency(&mut self, density: &[f64], rules: &[LayerRule]) -> f64 {
+        let points = density.len();
+        self.set_displacement(&vec![0.0; 3 * points], rules);
+        let base = &self.base;
         let mut sums = vec![[0.0]; points];
-        let broken = self.broken();
-        let inputs = &self.inputs;
-        inputs.sum::<INPUTS, 1>(&WeightOverLength, broken, &mut sums);
+        (self.inputs).sum::<INPUTS, 1>(&WeightOverLength, base.broken(), &mut sums);
         let stiffness = |i: usize| {
-            let moduli = self.elastic.moduli(i);
-            let a = moduli.dilatation_stiffness(self.dimension).max(0.0);
+            let moduli = base.elastic.moduli(i);
+            let a = moduli.dilatation_stiffness(base.dimension).max(0.0);
             let added = match &self.dilatation {
                 Some(dilatation) => 4.0 * a * dilatation.normaliser[i].powi(2) * sums[i][0],
                 None => 0.0,
             };
-            moduli.bond_stiffness(self.dimension) + added
+            moduli.bond_stiffness(base.dimension) + added
         };
         let mut slots = SlotField::default();
-        slots.load(&self.family, stiffness, Mirrored::Scalar);
+        slots.load(&base.family, stiffness, Mirrored::Scalar);
         let mut blocks = vec![[0.0; 6]; points];
         let inputs = [&slots[..]; INPUTS];
-        self.family.sum(&Block, inputs, &mut blocks);
-        let layers = &self.layer_forces;
+        base.family.sum(&Block, inputs, &mut blocks);
+        let layers = &base.layer_forces;
         layers.complete_blocks(&Block, inputs, None, &mut blocks);
         let largest = |block| 2.0 * symmetric(block).symmetric_eigenvalues().max();
         let squares = blocks.iter().zip(density).map(|(b, rho)| largest(b) / rho);
-        Some(squares.fold(0.0, f64::max).sqrt())
-    }
-
-    fn plasticity(&mut self) -> Option<&mut Plasticity> {
-        self.plastic.as_mut().map(|p| &mut p.state)
-    }
-
-    fn fracture(&self) -> Option<&Fracture> {
-        self.fracture.as_ref()
+        squares.fold(0.0, f64::max).sqrt()
     }
 
     fn replace_fracture_state(&mut self, state: FractureState) -> Option<FractureState> {
-        let fracture = self.fracture.as_mut()?;
-        if let Some(plastic) = &mut self.plastic {
-            plastic.gradient.invalidate();
+        let fracture = self.base.fracture.as_mut()?;
+        if let Some(gradient) = &mut self.gradient {
+            gradient.invalidate();
         }
         Some(std::mem::replace(&mut fracture.state, state))
     }
@@ -309,88 +390,12 @@ impl Solid for Ordinary {
         self.break_exceeding_bonds(fraction, damage)
     }
 
-    fn family(&self) -> &Family {
-        &self.family
-    }
-
-    fn material_stress(&mut self) -> Vec<[f64; 6]> {
-        let plastic = self.plastic.as_ref();
-        plastic.map_or_else(Vec::new, |plastic| {
-            let points = self.elastic.strained(&plastic.gradient);
-            plastic.state.tried_stress(points)
-        })
-    }
-
-    fn moduli_of(&self, point: usize) -> Moduli {
-        self.elastic.moduli(point)
-    }
-
-    fn energy(&mut self) -> &[[f64; 2]] {
-        let broken = self.fracture.as_ref().map(Fracture::broken);
-        let (inputs, elastic, energy) = (&self.inputs, &self.elastic, &mut self.energy);
-        let (finite, pairs) = (elastic.finite, self.dilatation.is_none());
-        specialise!(FINITE = finite =>
-            inputs.sum::<INPUTS, 2>(&Energy::<FINITE> { pairs }, broken, energy));
-        if let Some(dilatation) = &mut self.dilatation {
-            dilatation.sum((StrainKind::Total, finite), inputs, broken);
-            for (i, [density, conjugate]) in energy.iter_mut().enumerate() {
-                *density += dilatation.energy(elastic, None, i);
-                *conjugate += dilatation.conjugate_stress(elastic, i, dilatation.sums[i]);
-            }
-        }
-        for (i, [_, conjugate]) in energy.iter_mut().enumerate() {
-            let frozen = self.fracture.as_ref().map_or(0.0, |f| f.state.frozen[i]);
-            *conjugate = (*conjugate + frozen) * elastic.moduli(i).swelling;
-        }
-        energy
-    }
-
-    fn elastic_energy(&mut self) -> &[[f64; 2]] {
-        self.load_inelastic(StrainKind::Elastic);
-        let broken = self.fracture.as_ref().map(Fracture::broken);
-        let (inputs, elastic, energy) = (&self.inputs, &self.elastic, &mut self.energy);
-        let (finite, pairs) = (elastic.finite, self.dilatation.is_none());
-        let plastic = self.plastic.as_ref().map(|p| &p.state);
-        match plastic {
-            Some(_) => specialise!(FINITE = finite =>
-                inputs.sum_plastic(ElasticEnergy::<FINITE> { pairs }, broken, energy)),
-            None => specialise!(FINITE = finite =>
-                inputs.sum::<INPUTS, 2>(&ElasticEnergy::<FINITE> { pairs }, broken, energy)),
-        }
-        if let Some(dilatation) = &mut self.dilatation {
-            dilatation.sum((StrainKind::Elastic, finite), inputs, broken);
-            for (i, [density, _]) in energy.iter_mut().enumerate() {
-                *density += dilatation.energy(elastic, plastic, i);
-            }
-        }
-        energy
-    }
-
-    fn take_stiffening(&mut self) -> f64 {
-        self.elastic.take_stiffening()
-    }
-
-    fn stress(&mut self) -> &[[f64; 6]] {
-        self.load_inelastic(StrainKind::Elastic);
-        self.load_pressure(StrainKind::Elastic, self.elastic.finite);
-        self.sum_stress();
-        if self.elastic.is_plane_strain() {
-            for (i, tensor) in self.tensors.iter_mut().enumerate() {
-                let tried = self.plastic.as_ref().map(|p| &p.state.tried[i].strain);
-                let across = tried.map_or(0.0, |strain| strain[2]);
-                let (moduli, eigenstrain) = (self.elastic.moduli(i), self.elastic.eigenstrain[i]);
-                tensor[2] = moduli.stress_across(tensor, eigenstrain, across);
-            }
-        }
-        &self.tensors
-    }
-
     fn force_across(&mut self, plane: AxisPlane, receive: &mut dyn FnMut(usize, [f64; 3])) {
         self.load_inelastic(StrainKind::Elastic);
-        self.load_pressure(StrainKind::Elastic, self.elastic.finite);
-        let (family, inputs, broken) = (&self.family, &self.inputs, self.broken());
-        let (finite, dilatation) = (self.elastic.finite, self.dilatation.is_some());
-        if self.plastic.is_some() {
+        self.load_pressure(StrainKind::Elastic, self.base.elastic.finite);
+        let (family, inputs, broken) = (&self.base.family, &self.inputs, self.base.broken());
+        let (finite, dilatation) = (self.base.elastic.finite, self.dilatation.is_some());
+        if self.base.plasticity.is_some() {
             let inputs = inputs.plastic();
             specialise!(FINITE = finite =>
                 family.sum_across(&Plastic(Force::<FINITE, true>), inputs, broken, plane, receive));

@@ -272,12 +272,11 @@ impl Plasticity {
     }
 
     /// Stress of each point in the trial state, Pa, without the rotation of the point.
-    pub(super) fn tried_stress(&self, points: StrainedPoints<'_>) -> Vec<[f64; 6]> {
-        let stress = |(i, tried): (usize, &Inelastic)| {
+    pub(super) fn tried_stress(&self, points: StrainedPoints<'_>, stress: &mut [[f64; 6]]) {
+        for (i, (stress, tried)) in stress.iter_mut().zip(&self.tried).enumerate() {
             let law = points.law(i);
-            points.stress(i, &law.with_inelastic(self.stress_state, tried.strain))
-        };
-        self.tried.iter().enumerate().map(stress).collect()
+            *stress = points.stress(i, &law.with_inelastic(self.stress_state, tried.strain));
+        }
     }
 
     /// Accepts the trial state; adds the work of the flow, J/m³, to `work`.

@@ -32,8 +32,9 @@ pub use energy::{ElasticEnergy, Energy, Stress};
 pub use force::{Block, Force, Stiffness};
 pub use sums::{
     Dilation, Directions, ElasticDilation, ElasticExpansion, Expansion, TotalWeight,
-    WeightOverLength, find_overstretched, relative_displacement_beyond,
+    WeightOverLength,
 };
+pub(super) use sums::{find_overstretched, relative_displacement_beyond};
 
 /// Inputs of every kernel, in slot space; the first three are the displacement, m.
 pub const INPUTS: usize = 7;

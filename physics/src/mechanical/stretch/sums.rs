@@ -1,8 +1,9 @@
 //! Sums over a family that the dilatation and the bounds of frequencies need.
 
-use perimelt_core::{Bond, BondKernel, BrokenBonds, Family};
+use perimelt_core::{Bond, BondKernel};
 
 use super::{EIGENSTRAIN, INPUTS, dyad, elastic_stretch, stretched, stretched_by};
+use crate::mechanical::base::Bonds;
 use crate::mechanical::specialise::specialise;
 
 /// `sum_j w s`.
@@ -129,11 +130,13 @@ impl<const FINITE: bool> BondKernel<3, 1> for Overstretch<FINITE> {
 }
 
 /// The point of which unbroken bonds exceed a stretch the most, in finite or linear kinematics; `None` if no bond does.
-pub fn find_overstretched(
-    family: &Family,
-    (displacement, broken): ([&[f64]; 3], Option<&BrokenBonds>),
-    (finite, limit): (bool, f64),
+pub(in crate::mechanical) fn find_overstretched(
+    bonds: Bonds<'_>,
+    displacement: [&[f64]; 3],
+    finite: bool,
+    limit: f64,
 ) -> Option<usize> {
+    let Bonds { family, broken } = bonds;
     let mut sums = vec![[0.0]; family.points()];
     specialise!(FINITE = finite =>
         family.sum_unbroken(&Overstretch::<FINITE>(limit), displacement, broken, &mut sums));
@@ -162,11 +165,12 @@ impl BondKernel<3, 1> for Displaced {
 
 /// Largest displacement of the ends of an unbroken bond relative to each other, over its length; `None` if it is not
 /// beyond a limit.
-pub fn relative_displacement_beyond(
-    (family, broken): (&Family, Option<&BrokenBonds>),
+pub(in crate::mechanical) fn relative_displacement_beyond(
+    bonds: Bonds<'_>,
     displacement: [&[f64]; 3],
     limit: f64,
 ) -> Option<f64> {
+    let Bonds { family, broken } = bonds;
     let mut sums = vec![[0.0]; family.points()];
     family.sum_unbroken(&Displaced(limit), displacement, broken, &mut sums);
     let at = |slot: usize| displacement.map(|axis| axis[slot]);

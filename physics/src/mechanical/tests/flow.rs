@@ -1,5 +1,6 @@
 //! Plastic flow by the static solver.
 
+use crate::mechanical::solid::{Stiffness, Wanted};
 use perimelt_core::body::Store;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
@@ -128,7 +129,7 @@ fn the_tangent_of_a_flowing_body_is_the_derivative_of_its_forces() {
             setup.finish().expect("complete");
             let run = &mut mechanical.run;
             run.load_plasticity(&world, None);
-            let plasticity = run.solid.plasticity().expect("it flows");
+            let plasticity = run.solid.base_mut().plasticity().expect("it flows");
             if transformation > 0.0 {
                 plasticity.set_transformation(
                     world.body(0).points.position.iter().map(|_| transformation),
@@ -156,7 +157,7 @@ fn the_tangent_of_a_flowing_body_is_the_derivative_of_its_forces() {
                 let moved = state.iter().zip(&direction).map(|(u, v)| u + step * v);
                 solid.set_displacement(&moved.collect::<Vec<_>>(), &[]);
                 let mut out = vec![0.0; state.len()];
-                solid.force(&mut out);
+                solid.evaluate(Wanted::force(&mut out));
                 out
             };
             let (up, down) = (force(1e-6), force(-1e-6));
@@ -164,9 +165,9 @@ fn the_tangent_of_a_flowing_body_is_the_derivative_of_its_forces() {
             solid.linearise();
             solid.set_displacement(&direction, &[]);
             let (mut tangent, mut stiffness) = (vec![0.0; state.len()], vec![0.0; state.len()]);
-            solid.tangent(&mut tangent);
+            solid.stiffness(Stiffness::Plastic, &mut tangent);
             solid.set_displacement(&direction, &[]);
-            solid.stiffness(&mut stiffness);
+            solid.stiffness(Stiffness::Elastic, &mut stiffness);
             let size = |of: &dyn Fn(usize) -> f64| {
                 (0..state.len()).map(|i| of(i).powi(2)).sum::<f64>().sqrt()
             };

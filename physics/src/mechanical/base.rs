@@ -1,0 +1,224 @@
+//! What solids of all formulations have: bonds, moduli, plastic state, strength and layers.
+
+use std::sync::Arc;
+
+use nalgebra::Matrix3;
+use perimelt_core::family::{Continuation, LayerRule, WithTractions};
+use perimelt_core::{Body, BrokenBonds, Family, SlotField};
+
+use super::elastic::ElasticPoints;
+use super::fracture::Fracture;
+use super::gradient::Gradient;
+use super::layer_forces::LayerForces;
+use super::moduli::Moduli;
+use super::plasticity::Plasticity;
+use super::solid::{Constitution, EnergyKind, StressKind};
+
+/// Properties of a formulation.
+#[derive(Clone, Copy, Debug)]
+pub struct Properties {
+    /// Whether bonds resist relative motion perpendicular to them.
+    pub bonds_shear: bool,
+    /// Whether the stiffness is symmetric under plastic flow: forces must be the derivative of an energy of the strain
+    /// that enters the flow rule.
+    pub has_symmetric_plastic_tangent: bool,
+}
+
+/// The bonds of a body that are summed over.
+#[derive(Clone, Copy)]
+pub(super) struct Bonds<'a> {
+    pub(super) family: &'a Family,
+    pub(super) broken: Option<&'a BrokenBonds>,
+}
+
+impl<'a> Bonds<'a> {
+    /// The unbroken bonds of a family.
+    pub(super) fn unbroken(family: &'a Family, fracture: Option<&'a Fracture>) -> Self {
+        Bonds {
+            family,
+            broken: fracture.map(Fracture::broken),
+        }
+    }
+}
+
+/// What solids of all formulations have.
+#[derive(Debug)]
+pub struct SolidBase {
+    pub(super) family: Arc<Family>,
+    pub(super) dimension: usize,
+    /// Horizon of each point, m.
+    pub(super) horizons: Vec<f64>,
+    pub(super) properties: Properties,
+    pub(super) elastic: ElasticPoints,
+    pub(super) plasticity: Option<Plasticity>,
+    pub(super) fracture: Option<Fracture>,
+    pub(super) continuation: Continuation,
+    pub(super) layer_forces: LayerForces,
+    /// Sums with as many components as the dimension, in 2D.
+    pub(super) padded: Vec<f64>,
+    /// Energy density and conjugate stress of each point.
+    pub(super) energy: Vec<[f64; 2]>,
+    /// Symmetric tensors of each point.
+    pub(super) tensors: Vec<[f64; 6]>,
+}
+
+impl SolidBase {
+    pub(super) fn new(
+        body: &Body,
+        family: Arc<Family>,
+        constitution: Constitution,
+        properties: Properties,
+    ) -> Self {
+        let (points, dimension) = (body.points.len(), body.dimension);
+        let Constitution {
+            elasticity,
+            finite,
+            plasticity,
+            fracture,
+            in_motion,
+        } = constitution;
+        SolidBase {
+            dimension,
+            horizons: body.points.horizons(family.spec().horizon),
+            properties,
+            elastic: ElasticPoints::new(body, elasticity, finite),
+            plasticity,
+            fracture,
+            continuation: Continuation::default(),
+            layer_forces: LayerForces::new(dimension, &body.points.volume, in_motion),
+            padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
+            energy: vec![[0.0; 2]; points],
+            tensors: vec![[0.0; 6]; points],
+            family,
+        }
+    }
+
+    /// The bonds of the body.
+    pub fn family(&self) -> &Family {
+        &self.family
+    }
+
+    /// Largest horizon, m.
+    pub(super) fn largest_horizon(&self) -> f64 {
+        self.horizons.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Whether kinematics are finite.
+    pub(super) fn is_finite(&self) -> bool {
+        self.elastic.finite
+    }
+
+    /// Strength and broken bonds, if bonds break.
+    pub fn fracture(&self) -> Option<&Fracture> {
+        self.fracture.as_ref()
+    }
+
+    /// Bonds that broke, if bonds break.
+    pub(super) fn broken(&self) -> Option<&BrokenBonds> {
+        self.fracture().map(Fracture::broken)
+    }
+
+    pub(super) fn bonds(&self) -> Bonds<'_> {
+        Bonds::unbroken(&self.family, self.fracture())
+    }
+
+    /// Plastic state, if the body flows.
+    pub fn plasticity(&mut self) -> Option<&mut Plasticity> {
+        self.plasticity.as_mut()
+    }
+
+    /// Moduli of a point at its present temperature.
+    pub fn moduli_of(&self, point: usize) -> Moduli {
+        self.elastic.moduli(point)
+    }
+
+    /// The largest factor by which moduli rose with the temperature since the last call; one if none did.
+    pub(super) fn take_stiffening(&mut self) -> f64 {
+        self.elastic.take_stiffening()
+    }
+
+    /// Evaluates the stress of the trial state of the flow, without rotation, where the body flows.
+    pub(super) fn evaluate_tried_stress(&mut self, gradient: Option<&Gradient>) {
+        if let (Some(plasticity), Some(gradient)) = (&self.plasticity, gradient) {
+            plasticity.tried_stress(self.elastic.strained(gradient), &mut self.tensors);
+        }
+    }
+
+    /// The stress that was evaluated, if it was.
+    pub(super) fn stress_of(&self, kind: Option<StressKind>) -> &[[f64; 6]] {
+        match kind {
+            None => &[],
+            Some(StressKind::Material) if self.plasticity.is_none() => &[],
+            Some(_) => &self.tensors,
+        }
+    }
+
+    /// The energy that was evaluated, if it was.
+    pub(super) fn energy_of(&self, kind: Option<EnergyKind>) -> &[[f64; 2]] {
+        match kind {
+            None => &[],
+            Some(_) => &self.energy,
+        }
+    }
+
+    /// Evaluates the limits of bonds at the temperature of each point, K, if they can have changed; whether they can.
+    pub(super) fn load_limits(
+        &mut self,
+        body: &Body,
+        temperature: Option<&[f64]>,
+        moduli_changed: bool,
+    ) -> bool {
+        let Some(fracture) = &mut self.fracture else {
+            return false;
+        };
+        if !moduli_changed && fracture.is_constant() {
+            return false;
+        }
+        fracture.load(body, temperature, |i| self.elastic.moduli(i));
+        true
+    }
+
+    /// Loads a displacement (one field for each dimension) and continues it into the layers by `rules`. Under a traction the
+    /// slope of the layer follows from the moduli and the eigenstrain.
+    pub(super) fn continue_displacement(
+        &mut self,
+        values: &[f64],
+        rules: &[LayerRule],
+        vector: &mut [SlotField],
+    ) {
+        let (elastic, dimension) = (&self.elastic, self.dimension);
+        let ghosts = WithTractions {
+            rules,
+            continuation: &mut self.continuation,
+            slope: |face, traction, point, lateral: &Matrix3<f64>| {
+                let eigenstrain = elastic.eigenstrain[point];
+                let moduli = elastic.moduli(point);
+                moduli.slope_under_traction((face, traction), lateral, eigenstrain, dimension)
+            },
+        };
+        let along = |axis: usize| move |point: usize| values[3 * point + axis];
+        SlotField::load_all(vector, &self.family, along, ghosts);
+        self.layer_forces.follow(&self.family, &self.continuation);
+    }
+}
+
+/// Where sums of `D` components go: to the output itself in 3D, else to the work array.
+pub(super) fn flat<'a, const D: usize>(
+    padded: &'a mut [f64],
+    out: &'a mut [[f64; 3]],
+) -> &'a mut [[f64; D]] {
+    match D {
+        3 => bytemuck::cast_slice_mut::<f64, [f64; D]>(bytemuck::cast_slice_mut(out)),
+        _ => bytemuck::cast_slice_mut(padded),
+    }
+}
+
+/// Spreads sums of `D` components to vectors of three.
+pub(super) fn unflatten<const D: usize>(padded: &[f64], out: &mut [f64]) {
+    if D < 3 {
+        let (vectors, _) = out.as_chunks_mut::<3>();
+        for (out, sum) in vectors.iter_mut().zip(padded.as_chunks::<D>().0) {
+            *out = std::array::from_fn(|axis| if axis < D { sum[axis] } else { 0.0 });
+        }
+    }
+}
