@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use perimelt_core::family::{Continuation, LayerRule, WithTractions};
-use perimelt_core::{Body, BrokenBonds, Family, SlotField};
+use perimelt_core::{Body, BondKernel, BrokenBonds, Family, SlotField};
 
 use super::elastic::ElasticPoints;
 use super::fracture::Fracture;
 use super::gradient::Gradient;
-use super::layer_forces::LayerForces;
+use super::layer_forces::{LayerForces, Summed};
 use super::moduli::Moduli;
 use super::plasticity::Plasticity;
 use super::solid::{Constitution, EnergyKind, StressKind};
@@ -178,6 +178,24 @@ impl SolidBase {
         true
     }
 
+    /// Completes the forces of a kernel that was summed over `inputs`, whose first are the displacement, at layers.
+    pub(super) fn complete<const I: usize, const D: usize>(
+        &mut self,
+        kernel: &impl BondKernel<I, D>,
+        inputs: [&[f64]; I],
+        out: &mut [f64],
+    ) {
+        let summed = Summed {
+            kernel,
+            displacement: 0,
+            inputs,
+        };
+        let bonds = Bonds::unbroken(&self.family, self.fracture.as_ref());
+        let continuation = &self.continuation;
+        self.layer_forces
+            .complete::<I, D>(summed, bonds, continuation, out);
+    }
+
     /// Loads a displacement (one field for each dimension) and continues it into the layers by `rules`. Under a traction the
     /// slope of the layer follows from the moduli and the eigenstrain.
     pub(super) fn continue_displacement(
@@ -193,7 +211,7 @@ impl SolidBase {
             slope: |face, traction, point, lateral: &Matrix3<f64>| {
                 let eigenstrain = elastic.eigenstrain[point];
                 let moduli = elastic.moduli(point);
-                moduli.slope_under_traction((face, traction), lateral, eigenstrain, dimension)
+                moduli.slope_under_traction(face, traction, lateral, eigenstrain, dimension)
             },
         };
         let along = |axis: usize| move |point: usize| values[3 * point + axis];

@@ -12,9 +12,9 @@ use super::step::MechanicalRun;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Energy {
     pub(super) kinetic: f64,
-    /// Of the elastic strain: the total strain without eigenstrain and inelastic strain.
+    /// Energy of the elastic strain: the total strain without eigenstrain and inelastic strain.
     pub(super) elastic: f64,
-    /// Of the constant body force, `-sum_i V_i b_i . u_i`.
+    /// Potential of the constant body force, `-sum_i V_i b_i . u_i`.
     pub(super) potential: f64,
 }
 
@@ -47,7 +47,7 @@ impl MechanicalRun {
         self.energy_as_set(world)
     }
 
-    /// As [`MechanicalRun::energy`], at the displacement that the solid has.
+    /// Energies at the displacement that the solid has.
     pub(super) fn energy_as_set(&mut self, world: &World) -> Energy {
         let volume = &world.body(self.body).points.volume;
         let wanted = Wanted::energy(EnergyKind::Elastic);

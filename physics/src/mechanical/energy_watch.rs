@@ -28,7 +28,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::solver::reduce::sum_points;
-use perimelt_core::{RunError, World};
+use perimelt_core::{RunError, Step, World};
 use serde::{Deserialize, Serialize};
 
 use super::energy::{Energy, work_of};
@@ -71,11 +71,11 @@ pub(super) struct EnergyWatch {
 /// The largest energy that the body may have.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Reference {
-    /// Of the first sample, s.
+    /// Time of the first sample, s.
     time: f64,
-    /// At that time, J.
+    /// Energy at that time, J.
     first: f64,
-    /// Of the sum of kinetic, elastic and potential energy now, J.
+    /// Bound of the sum of kinetic, elastic and potential energy now, J.
     pub(super) bound: f64,
 }
 
@@ -312,16 +312,13 @@ impl MechanicalRun {
         self.state.watch.work -= 0.5 * work_of(volume, force, &self.work);
     }
 
-    /// Ends a step of `size` (s) to `time` (s), and compares the energy if it is time for a sample.
+    /// Ends a step, and compares the energy if it is time for a sample.
     ///
     /// # Errors
     /// An energy that grew without work.
-    pub(super) fn watch_energy(
-        &mut self,
-        world: &World,
-        (size, time): (f64, f64),
-    ) -> Result<(), RunError> {
-        self.scratch.step = size;
+    pub(super) fn watch_energy(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let time = step.end();
+        self.scratch.step = step.size;
         let stiffening = self.solid.base_mut().take_stiffening();
         let watch = &mut self.state.watch;
         watch.steps += 1;
@@ -395,11 +392,11 @@ impl MechanicalRun {
         Err(RunError::Plugin {
             plugin: "mechanical".into(),
             time,
-            cause: Box::new(self.growth(world, reference, (stored, allowed))),
+            cause: Box::new(self.growth(world, reference, stored, allowed)),
         })
     }
 
-    /// Energy that has no meaning, J: that of strains of the size of rounding, the rounding of sums, and the energy that
+    /// Noise floor of the energy balance, J: the energy of strains of the size of rounding, the rounding of sums, and the energy that
     /// body forces give to a body at rest in one step, by which the energy of velocity Verlet differs from the exact one.
     fn negligible_energy(&self, world: &World, energy: &Energy) -> f64 {
         let volume = &world.body(self.body).points.volume;
@@ -417,12 +414,7 @@ impl MechanicalRun {
         of_strains + of_loads + ROUNDING_OF_SUMS * energy.potential.abs()
     }
 
-    fn growth(
-        &self,
-        world: &World,
-        reference: Reference,
-        (now, allowed): (f64, f64),
-    ) -> EnergyGrowth {
+    fn growth(&self, world: &World, reference: Reference, now: f64, allowed: f64) -> EnergyGrowth {
         let body = world.body(self.body);
         let velocity = self
             .fields

@@ -155,11 +155,7 @@ pub(super) fn newton(
         constraint,
         present: &run.state.present,
         dimension: body.dimension,
-        tangent: match (is_plastic, statics.newton.options.linear) {
-            (true, _) => Tangent::Plastic,
-            (false, true) => Tangent::Stiffness,
-            (false, false) => Tangent::Differences,
-        },
+        tangent: Tangent::of(is_plastic, statics.newton.options.linear),
     };
     statics.update(&mut residual, body)?;
     let rigid = statics.rigid.as_ref().map(|rigid| &rigid.space);
@@ -197,12 +193,9 @@ pub(super) fn newton(
             state.copy_from_slice(work);
             newton_from_linear(newton, &mut residual, step.end(), state, hints).or(Err(error))
         }
+        Err(error) if is_plastic => Err(about_flow(error)),
         report => report,
-    };
-    let report = report.map_err(|error| match is_plastic {
-        true => about_flow(error),
-        false => error,
-    })?;
+    }?;
     Ok(Work {
         iterations: report.krylov_iterations,
         evaluations: report.evaluations + usize::from(is_guessed),

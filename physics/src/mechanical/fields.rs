@@ -8,7 +8,7 @@ use perimelt_core::{Access, Read, ReadIfProvided, Setup, SetupError, Write, keys
 #[derive(Debug)]
 pub(super) struct Fields {
     pub(super) displacement: Write<Vector3<f64>>,
-    /// Of the explicit solver.
+    /// For the explicit solver.
     pub(super) velocity: Option<Write<Vector3<f64>>>,
     pub(super) stress: Write<Matrix3<f64>>,
     pub(super) conjugate_stress: Write<f64>,
@@ -19,10 +19,10 @@ pub(super) struct Fields {
     pub(super) damage: Option<Damage>,
     pub(super) eigenstrain: Option<Read<f64>>,
     pub(super) inherent_strain: Option<Read<Matrix3<f64>>>,
-    /// Of a body that grows.
+    /// For a body that grows.
     pub(super) birth_strain: Option<Write<Matrix3<f64>>>,
     pub(super) body_force: Option<Read<Vector3<f64>>>,
-    /// Of the explicit solver.
+    /// For the explicit solver.
     pub(super) impulse: Option<Read<Vector3<f64>>>,
     /// If boundaries hold points.
     pub(super) hold: Option<Hold>,

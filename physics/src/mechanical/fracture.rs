@@ -139,8 +139,12 @@ impl Fracture {
         body: usize,
         family: &Family,
     ) -> Result<Self, SetupError> {
-        let bonds = (body, family);
-        let crossings = Crossings::of(&section.interface, section.criterion, setup, bonds)?;
+        let FractureSection {
+            interface,
+            criterion,
+            ..
+        } = section;
+        let crossings = Crossings::of(interface, *criterion, setup, body, family)?;
         let this = setup.body(body);
         let strength = this.materials.iter().map(|material| {
             let of = |name| material.get(name).cloned();
@@ -306,11 +310,10 @@ impl Fracture {
         let mut pairs = Vec::new();
         for &(_, point, slot) in &exceeding {
             let pair = family.point_in(slot).map(|other| [point, other]);
-            let mut is_new = self.break_bond(family, (point, slot), damage, &conjugate);
+            let mut is_new = self.break_bond(family, point, slot, damage, &conjugate);
             if let Some([_, other]) = pair {
                 // by rounding, only one end may have exceeded the limit
-                is_new |=
-                    self.break_bond(family, (other, family.slot_of(point)), damage, &conjugate);
+                is_new |= self.break_bond(family, other, family.slot_of(point), damage, &conjugate);
                 if is_new {
                     pairs.push([point.min(other) as u32, point.max(other) as u32]);
                 }
@@ -326,7 +329,8 @@ impl Fracture {
     fn break_bond(
         &mut self,
         family: &Family,
-        (point, slot): (usize, usize),
+        point: usize,
+        slot: usize,
         damage: &mut [f64],
         conjugate: impl Fn(usize, &Bond, usize) -> f64,
     ) -> bool {

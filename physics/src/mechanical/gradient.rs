@@ -32,7 +32,7 @@ impl<const D: usize, const Q: usize> BondKernel<3, Q> for Moment<D> {
 /// in 3D. Smaller fractions make damaged bodies stiffer, see [`RISE`]: a twentieth, 9 times.
 const LEAST: f64 = 0.1;
 
-/// As [`LEAST`], of points in a body that grows, relative to the bonds that a point has: the corner of a block keeps 34 %
+/// The fraction [`LEAST`] for points in a body that grows, relative to the bonds that a point has: the corner of a block keeps 34 %
 /// at a horizon of 2 spacings.
 const LEAST_OF_BORN: f64 = 0.02;
 

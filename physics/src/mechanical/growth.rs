@@ -21,7 +21,7 @@
 //! A cut leaves the displacement as it is. H of a point that loses neighbours becomes the mean over those that remain, and e0
 //! stays: a strain at which the rest is free of stress is not shifted.
 //!
-//! Of H_j the rotation is continued, and the strain up to that of elastic metal: fresh metal does not take over how the layer
+//! The rotation of H_j is continued, and its strain up to that of elastic metal: fresh metal does not take over how the layer
 //! below has shrunk.
 //!
 //! Where the body has an annealing temperature, material that is deposited above it is free of all stress, pressure included,
@@ -86,26 +86,22 @@ pub(super) fn check(
         true => "a body whose material is deposited or cut off",
         false => "a body with an inherent strain",
     };
-    let refuse = |key: &str, what: &str, expected: &str| {
-        Err(SetupError::value(
-            key,
-            format!("{cause} does not go together with {what}"),
-            expected,
-        ))
-    };
+    let refuse =
+        |key: &str, message: String, expected: &str| Err(SetupError::value(key, message, expected));
     if keys.formulation != Formulation::Correspondence {
-        let what = "bonds that have the mean strain of their ends";
-        return refuse("formulation", what, "`formulation = \"correspondence\"`");
+        let message = format!("`formulation = \"bond\"` and `\"ordinary\"` do not support {cause}");
+        return refuse("formulation", message, "`formulation = \"correspondence\"`");
     }
     if !grows {
         return Ok(());
     }
     if keys.fracture.is_some() {
-        return refuse("fracture", "breaking bonds", "no `fracture`");
+        let message = format!("`fracture` does not support {cause}");
+        return refuse("fracture", message, "no `fracture`");
     }
     if keys.surface_stress != SurfaceStress::Direct {
-        let what = "a surface that is known from the start";
-        return refuse("surface_stress", what, "\"direct\"");
+        let message = format!("`surface_stress = \"extrapolated\"` does not support {cause}");
+        return refuse("surface_stress", message, "\"direct\"");
     }
     Ok(())
 }
@@ -254,7 +250,7 @@ impl MechanicalRun {
             *fresh = present[point] && (*fresh || !was_present[point]);
         }
         let gone = self.momentum_where(world, |i| was_present[i] && !present[i]);
-        self.place_born(world, (&was_present, &rules), &before);
+        self.place_born(world, &was_present, &rules, &before);
         let born = self.momentum_where(world, |i| !was_present[i] && present[i]);
         self.state.given += gone.times(-1.0).with_size_of(&gone);
         self.state.given += born;
@@ -305,7 +301,8 @@ impl MechanicalRun {
     fn place_born(
         &self,
         world: &World,
-        (was_present, rules): (&[bool], &[LayerRule]),
+        was_present: &[bool],
+        rules: &[LayerRule],
         gradients: &[Matrix3<f64>],
     ) {
         let present = &self.state.present;
@@ -355,7 +352,8 @@ impl MechanicalRun {
         &mut self,
         world: &World,
         temperature: &[f64],
-        (limit, moduli): (f64, &[Moduli]),
+        limit: f64,
+        moduli: &[Moduli],
         stress: &mut [[f64; 6]],
     ) {
         let Some(birth_strain) = self.fields.birth_strain else {

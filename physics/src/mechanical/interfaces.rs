@@ -307,7 +307,8 @@ impl Crossings {
         interfaces: &Interfaces,
         criterion: Criterion,
         setup: &mut Setup<'_>,
-        (body, family): (usize, &Family),
+        body: usize,
+        family: &Family,
     ) -> Result<Self, SetupError> {
         let Interfaces(list) = interfaces;
         if list.len() > MOST {

@@ -24,11 +24,13 @@ use perimelt_core::family::{Continuation, Folded, Image, Layout};
 use perimelt_core::{Bond, BondKernel, BrokenBonds, Family, SlotField};
 use rayon::prelude::*;
 
+use super::base::Bonds;
+
 /// The bonds of a body to layer points that are no symmetric images.
 #[derive(Debug, Default)]
 pub(super) struct LayerForces {
     dimension: usize,
-    /// Of the points, m³.
+    /// Volume of each point, m³; empty for a body that does not move.
     volume: Vec<f64>,
     /// What the bonds were found for.
     layout: Layout,
@@ -72,8 +74,17 @@ struct Ghost {
     bonds: Vec<usize>,
 }
 
+/// A kernel of forces that was summed over the bonds of a body.
+pub(super) struct Summed<'a, K, const I: usize> {
+    pub(super) kernel: &'a K,
+    /// The input that holds the first component of the displacement.
+    pub(super) displacement: usize,
+    /// By slot.
+    pub(super) inputs: [&'a [f64]; I],
+}
+
 impl LayerForces {
-    /// Of a body with these volumes of its points (m³) that moves; if it does not, there are none.
+    /// The bonds of a body in motion, from the volume of each point (m³); none for a body that does not move.
     pub(super) fn new(dimension: usize, volume: &[f64], in_motion: bool) -> Self {
         LayerForces {
             dimension,
@@ -91,7 +102,7 @@ impl LayerForces {
         self.layout = Layout::default();
     }
 
-    /// Whether the state of an image gives way to the forces of this file.
+    /// Whether bonds to this image take the forces of this file instead of the state of the image.
     pub(super) fn replace(&self, image: &Image) -> bool {
         let is_constant = image.scale[..self.dimension].iter().all(|s| *s == 0.0);
         let keeps_state = image.is_symmetric() || image.is_bent || is_constant;
@@ -177,15 +188,21 @@ impl LayerForces {
         self.bonds.is_empty()
     }
 
-    /// Replaces what the states of layer points give to forces that `kernel` has summed in `out` (three components for
-    /// each point); the first inputs of the kernel are the components of the displacement from input `first` on.
+    /// Replaces what the states of layer points give to forces that were summed in `out` (three components for
+    /// each point).
     pub(super) fn complete<const I: usize, const D: usize>(
         &mut self,
-        (kernel, first): (&impl BondKernel<I, D>, usize),
-        (family, continuation): (&Family, &Continuation),
-        (inputs, broken): ([&[f64]; I], Option<&BrokenBonds>),
+        summed: Summed<'_, impl BondKernel<I, D>, I>,
+        bonds: Bonds<'_>,
+        continuation: &Continuation,
         out: &mut [f64],
     ) {
+        let Summed {
+            kernel,
+            displacement: first,
+            inputs,
+        } = summed;
+        let Bonds { family, broken } = bonds;
         if self.is_empty() {
             return;
         }
@@ -264,8 +281,8 @@ impl LayerForces {
         }
     }
 
-    /// As [`LayerForces::complete`] for the diagonal blocks of the stiffness that `kernel` has summed: xx, yy, zz, xy,
-    /// yz, zx.
+    /// Completes the diagonal blocks of the stiffness (xx, yy, zz, xy, yz, zx) that `kernel` has summed, as
+    /// [`LayerForces::complete`] does forces.
     pub(super) fn complete_blocks<const I: usize>(
         &self,
         kernel: &impl BondKernel<I, 6>,

@@ -97,7 +97,7 @@ use fracture::FractureState;
 pub use keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
 use section::Section;
 use serde::{Deserialize, Serialize};
-use step::{MechanicalRun, State};
+use step::{MechanicalRun, MechanicalState};
 use stretch::find_overstretched;
 
 /// Stretch of a bond that shows an instability once displacements are ten times as large as the body: where its ends have
@@ -150,14 +150,14 @@ struct RunningMechanical {
 /// The state that is saved with checkpoints.
 #[derive(Deserialize)]
 struct SavedMechanical {
-    state: State,
+    state: MechanicalState,
     broken: Option<FractureState>,
 }
 
-/// As [`SavedMechanical`], without copies.
+/// A [`SavedMechanical`] without copies.
 #[derive(Serialize)]
 struct SavedMechanicalRef<'a> {
-    state: &'a State,
+    state: &'a MechanicalState,
     broken: Option<&'a FractureState>,
 }
 
@@ -223,7 +223,7 @@ impl RunningPhysics for RunningMechanical {
             run.provide_conjugate_stress(world);
         }
         if self.is_explicit {
-            run.watch_energy(world, (step.size, step.end()))?;
+            run.watch_energy(world, step)?;
         }
         Ok(work)
     }

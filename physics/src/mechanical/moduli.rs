@@ -66,7 +66,8 @@ impl Moduli {
     /// eqs. 4.24 to 4.28; corrected, see docs/theory/mechanics.md. For small strains.
     pub fn slope_under_traction(
         &self,
-        (face, traction): (Face, &Traction),
+        face: Face,
+        traction: &Traction,
         lateral: &Matrix3<f64>,
         eigenstrain: f64,
         dimension: usize,
@@ -295,7 +296,7 @@ mod tests {
                     // a difference does not see the eigenstrain of the body
                     let seen = if difference { 5e-4 } else { eigenstrain };
                     let slope =
-                        moduli.slope_under_traction((face, &traction), &lateral, seen, dimension);
+                        moduli.slope_under_traction(face, &traction, &lateral, seen, dimension);
                     for axis in 0..dimension {
                         let expected = gradient[(axis, normal)];
                         let error = (slope[axis] - expected).abs();

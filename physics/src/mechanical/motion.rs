@@ -227,7 +227,7 @@ struct SolidDynamics<'a> {
     /// Its sum at the displacement and the force of the moment, if it is known.
     external_force: &'a mut Option<Momentum>,
     given: &'a mut Momentum,
-    /// Of loads, J.
+    /// Work of loads, J.
     work: &'a mut f64,
 }
 

@@ -18,7 +18,7 @@ use super::momentum::Balanced;
 use super::ordinary::Ordinary;
 use super::plasticity::Plasticity;
 use super::solid::{Constitution, Solid};
-use super::step::{MechanicalRun, State};
+use super::step::{MechanicalRun, MechanicalState};
 use super::surface_stress::{Extrapolation, SurfaceStress};
 use super::validity::{Validity, shear_warning};
 
@@ -68,8 +68,7 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Mechanical
         breaks: constitution.fracture.is_some(),
     };
     let is_linear = !(constitution.finite || features.is_plastic);
-    let kind = (!constitution.finite, features.is_plastic);
-    let validity = Validity::new(setup.body(body), kind);
+    let validity = Validity::new(setup.body(body), !constitution.finite, features.is_plastic);
     let solid = solid(keys, setup, body, family, constitution)?;
     let density = setup.world().density_at_points(body)?;
     let fields = Fields::declare(setup, body, features)?;
@@ -93,9 +92,9 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Mechanical
         logged_energy: features.is_explicit.then(Energy::default),
         extrapolation,
         validity,
-        state: State {
+        state: MechanicalState {
             verlet: Verlet::new(damping.unwrap_or(0.0)),
-            ..State::default()
+            ..MechanicalState::default()
         },
     })
 }

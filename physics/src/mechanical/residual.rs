@@ -32,6 +32,17 @@ pub(super) enum Tangent {
     Differences,
 }
 
+impl Tangent {
+    /// The tangent of a body; `is_linear` if its forces are linear in the displacement.
+    pub(super) fn of(is_plastic: bool, is_linear: bool) -> Self {
+        match (is_plastic, is_linear) {
+            (true, _) => Tangent::Plastic,
+            (false, true) => Tangent::Stiffness,
+            (false, false) => Tangent::Differences,
+        }
+    }
+}
+
 impl Residual<'_> {
     /// Sets held components and those that the dimension leaves out.
     fn set_held(&self, out: &mut [f64], value: f64) {

@@ -31,7 +31,7 @@ pub(super) fn rigid_modes(position: &[Vector3<f64>], dimension: usize) -> Vec<Ve
     modes
 }
 
-/// Those of `modes` that neither bonds, layers nor held points resist.
+/// The modes that neither bonds, layers nor held points resist.
 pub(super) fn free_rigid_modes(
     residual: &mut Residual<'_>,
     modes: Vec<Vec<f64>>,

@@ -32,7 +32,7 @@ pub(super) struct MechanicalRun {
     pub(super) solid: Box<dyn Solid>,
     /// kg/m³, by point.
     pub(super) density: Vec<f64>,
-    /// m³/kg, by component; zero where it is held. Of the explicit solver.
+    /// m³/kg, by component; zero where it is held. For the explicit solver.
     pub(super) free_inverse_density: Vec<f64>,
     /// Volume over mean volume of each component, if points differ; else empty.
     pub(super) relative_volume: Vec<f64>,
@@ -43,20 +43,20 @@ pub(super) struct MechanicalRun {
     pub(super) eigenstrain_size: f64,
     /// By section, N.
     pub(super) section_forces: Vec<[f64; 3]>,
-    /// Of the last logged state, with the explicit solver.
+    /// Energy of the last logged state, with the explicit solver.
     pub(super) logged_energy: Option<Energy>,
     pub(super) balanced: Balanced,
-    /// Of the watch over the energy.
+    /// Working memory of the watch over the energy.
     pub(super) scratch: Scratch,
-    /// Of stresses near surfaces.
+    /// Extrapolation of stresses to surfaces.
     pub(super) extrapolation: Option<Extrapolation>,
     pub(super) validity: Validity,
-    pub(super) state: State,
+    pub(super) state: MechanicalState,
 }
 
 /// What a restart needs besides the fields.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct State {
+pub(super) struct MechanicalState {
     pub(super) verlet: Verlet,
     /// The body force in the force that `verlet` carries to the next step, N/m³; empty if there is none.
     pub(super) loaded_body_force: Vec<f64>,
@@ -242,7 +242,7 @@ impl MechanicalRun {
         let moduli: Vec<Moduli> = points.map(|i| self.solid.base().moduli_of(i)).collect();
         let wanted = Wanted::stress(StressKind::Material);
         let mut stress = self.solid.evaluate(wanted).stress.to_vec();
-        self.relieve_fresh(world, &temperature, (limit, &moduli), &mut stress);
+        self.relieve_fresh(world, &temperature, limit, &moduli, &mut stress);
         if let Some(plasticity) = self.solid.base_mut().plasticity() {
             plasticity.anneal(&temperature, &stress, |i| moduli[i]);
         }

@@ -36,7 +36,7 @@ const SYMMETRIC: f64 = 1e-10;
 /// In-plane strains that are prescribed at the points of a body.
 #[derive(Clone, Copy)]
 pub(super) enum Prescribed<'a> {
-    /// The same in all directions.
+    /// An isotropic strain.
     Isotropic(&'a [f64]),
     /// Components xx, yy, zz, xy, yz, zx.
     Tensor(&'a [[f64; 6]]),
@@ -73,30 +73,40 @@ fn quadratic<const S: usize>(gradient: &[f64; S], xi: [f64; 3]) -> [f64; 3] {
 /// input is the stiffness g of the springs, the others are the gradient of the strain.
 struct Springs;
 
+/// An end of a bond with the springs of its point.
+struct SpringEnd<const S: usize> {
+    /// Gradient of the strain.
+    gradient: [f64; S],
+    /// g.
+    stiffness: f64,
+}
+
 #[inline(always)]
-fn springs<const S: usize>(
-    bond: &Bond,
-    (own, own_stiffness): ([f64; S], f64),
-    (other, other_stiffness): ([f64; S], f64),
-) -> [f64; 3] {
-    let (here, there) = (bond.weight * own_stiffness, bond.dual * other_stiffness);
-    let difference = std::array::from_fn(|i| there * other[i] - here * own[i]);
+fn springs<const S: usize>(bond: &Bond, own: &SpringEnd<S>, other: &SpringEnd<S>) -> [f64; 3] {
+    let (here, there) = (bond.weight * own.stiffness, bond.dual * other.stiffness);
+    let difference = std::array::from_fn(|i| there * other.gradient[i] - here * own.gradient[i]);
     quadratic::<S>(&difference, bond.xi)
 }
 
 impl BondKernel<4, 3> for Springs {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 4], other: [f64; 4]) -> [f64; 3] {
-        let split = |[stiffness, gradient @ ..]: [f64; 4]| (gradient, stiffness);
-        springs::<3>(bond, split(own), split(other))
+        let split = |[stiffness, gradient @ ..]: [f64; 4]| SpringEnd {
+            gradient,
+            stiffness,
+        };
+        springs::<3>(bond, &split(own), &split(other))
     }
 }
 
 impl BondKernel<{ TENSOR + 1 }, 3> for Springs {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; TENSOR + 1], other: [f64; TENSOR + 1]) -> [f64; 3] {
-        let split = |[stiffness, gradient @ ..]: [f64; TENSOR + 1]| (gradient, stiffness);
-        springs::<TENSOR>(bond, split(own), split(other))
+        let split = |[stiffness, gradient @ ..]: [f64; TENSOR + 1]| SpringEnd {
+            gradient,
+            stiffness,
+        };
+        springs::<TENSOR>(bond, &split(own), &split(other))
     }
 }
 

@@ -14,7 +14,7 @@ const SMALL: f64 = 0.2;
 /// What the logged states of a body showed.
 #[derive(Debug, Default)]
 pub(super) struct Validity {
-    /// Of each material of an elastic body, Pa; empty if no material has one, or if the body flows.
+    /// Yield stress of each material of an elastic body, Pa; empty if no material has one, or if the body flows.
     yield_stress: Vec<Option<Property>>,
     is_linear: bool,
     /// Whether a step has begun: before, displacements need not be in equilibrium with anything.
@@ -44,7 +44,7 @@ fn von_mises(stress: &Matrix3<f64>) -> f64 {
 }
 
 impl Validity {
-    pub(super) fn new(body: &Body, (is_linear, is_plastic): (bool, bool)) -> Self {
+    pub(super) fn new(body: &Body, is_linear: bool, is_plastic: bool) -> Self {
         let materials = body
             .materials
             .iter()

@@ -7,13 +7,26 @@ use rayon::prelude::*;
 
 use super::Correspondence;
 use super::kernels::{DISPLACEMENT, Force};
-use crate::mechanical::base::{flat, unflatten};
+use crate::mechanical::base::{Bonds, SolidBase, flat, unflatten};
 use crate::mechanical::classical::{Point, diagonal, image_of};
 use crate::mechanical::fracture::Fracture;
 use crate::mechanical::gradient::without;
+use crate::mechanical::layer_forces::Summed;
 use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
 use crate::mechanical::stretch::{EXCESS_INPUTS, Excess};
+
+/// A point or its image with its displacement gradient.
+struct Strained<'a> {
+    /// The point whose springs it has.
+    point: usize,
+    law: Point,
+    gradient: &'a Matrix3<f64>,
+    /// What prescribed strains do to the gradient; `None` where they are uniform.
+    correction: Option<Matrix3<f64>>,
+    /// `K^-1`.
+    inverse: &'a Matrix3<f64>,
+}
 
 impl Correspondence {
     /// Evaluates H of the displacement that was set.
@@ -47,23 +60,24 @@ impl Correspondence {
         });
     }
 
-    /// `P K^-1 - g H` of a point with the law `point`, whose g is that of the point number `i`; `correction` is what
-    /// prescribed strains do to H.
-    fn force_state_of(
-        &self,
-        (i, point): (usize, Point),
-        finite: bool,
-        (gradient, correction): (&Matrix3<f64>, Option<&Matrix3<f64>>),
-        inverse: &Matrix3<f64>,
-    ) -> Matrix3<f64> {
-        let elastic = without(gradient, correction, finite);
-        let stress = point.piola(&elastic, finite);
+    /// `P K^-1 - g H` of a point or its image.
+    fn force_state_of(&self, strained: &Strained<'_>, finite: bool) -> Matrix3<f64> {
+        let Strained {
+            point,
+            law,
+            gradient,
+            correction,
+            inverse,
+        } = strained;
+        let elastic = without(gradient, correction.as_ref(), finite);
+        let stress = law.piola(&elastic, finite);
         match correction {
             // the stress conjugate to F, where F (1 - D) has an energy
             Some(correction) if finite => {
-                (stress - stress * correction.transpose()) * inverse - self.spring(i) * gradient
+                (stress - stress * correction.transpose()) * *inverse
+                    - self.spring(*point) * *gradient
             }
-            _ => stress * inverse - self.spring(i) * elastic,
+            _ => stress * *inverse - self.spring(*point) * elastic,
         }
     }
 
@@ -81,8 +95,14 @@ impl Correspondence {
         };
         states.par_iter_mut().enumerate().for_each(|(i, state)| {
             let point = self.point(i, strain);
-            let gradient = (&values[i], correction(i));
-            *state = self.force_state_of((i, point), finite, gradient, &inverse[i]);
+            let strained = Strained {
+                point: i,
+                law: point,
+                gradient: &values[i],
+                correction: correction(i).copied(),
+                inverse: &inverse[i],
+            };
+            *state = self.force_state_of(&strained, finite);
         });
         let of_image = |image: &Image| {
             let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
@@ -98,8 +118,14 @@ impl Correspondence {
                 point = point.replace_inelastic(self.base.elastic.stress_state(), inelastic);
             }
             let correction = correction(image.point).map(|c| scale * c * mirror);
-            let gradient = (&gradient, correction.as_ref());
-            let state = self.force_state_of((image.point, point), finite, gradient, &inverse);
+            let strained = Strained {
+                point: image.point,
+                law: point,
+                gradient: &gradient,
+                correction,
+                inverse: &inverse,
+            };
+            let state = self.force_state_of(&strained, finite);
             std::array::from_fn::<_, 9, _>(|n| state[entry(n)])
         };
         let by_point = &states[..];
@@ -125,9 +151,20 @@ impl Correspondence {
         let sums = flat::<D>(&mut self.base.padded, bytemuck::cast_slice_mut(out));
         self.base.family.sum_unbroken(&Force, inputs, broken, sums);
         unflatten::<D>(&self.base.padded, out);
-        let continued = (&*self.base.family, &self.base.continuation);
-        let layers = &mut self.base.layer_forces;
-        layers.complete::<_, D>((&Force, DISPLACEMENT), continued, (inputs, broken), out);
+        let summed = Summed {
+            kernel: &Force,
+            displacement: DISPLACEMENT,
+            inputs,
+        };
+        let SolidBase {
+            family,
+            fracture,
+            continuation,
+            layer_forces,
+            ..
+        } = &mut self.base;
+        let bonds = Bonds::unbroken(family, fracture.as_ref());
+        layer_forces.complete::<_, D>(summed, bonds, continuation, out);
     }
 
     /// Sums the excess of bonds over their critical stretch.

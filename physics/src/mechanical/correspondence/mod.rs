@@ -131,7 +131,7 @@ impl Correspondence {
         extension
     }
 
-    /// As [`Correspondence::squared_extension`], without the displacement of prescribed strains that are not uniform.
+    /// The sum of [`Correspondence::squared_extension`] without the displacement of prescribed strains that are not uniform.
     fn squared_elastic_extension(&self) -> Vec<[f64; 1]> {
         let mut extension = vec![[0.0]; self.base.horizons.len()];
         let displacement = std::array::from_fn(|axis| self.inputs.along(axis));

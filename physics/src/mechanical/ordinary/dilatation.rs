@@ -218,7 +218,7 @@ impl Dilatation {
         &self,
         elastic: &ElasticPoints,
         point: usize,
-        [dilation]: [f64; 1],
+        dilation: f64,
     ) -> f64 {
         let a = elastic
             .moduli(point)

@@ -11,7 +11,7 @@ use crate::mechanical::fracture::{BondLoads, Fracture, NewBreaks};
 use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
 use crate::mechanical::stretch::{
-    Breaking, Dilation, Energy, Force, INPUTS, Load, Plastic, Stiffness,
+    Breaking, Dilation, Energy, Force, INPUTS, Load, PLASTIC_INPUTS, Plastic, Stiffness,
 };
 
 /// Which forces are summed.
@@ -110,57 +110,43 @@ impl Ordinary {
     }
 
     fn sum_forces_in<const D: usize>(&mut self, sum: Sum, out: &mut [f64]) {
-        let broken = self.base.fracture.as_ref().map(Fracture::broken);
-        let (inputs, finite) = (&self.inputs, self.base.elastic.finite);
-        let sums = flat::<D>(&mut self.base.padded, bytemuck::cast_slice_mut(out));
-        let dilatation = self.dilatation.is_some();
+        let (finite, dilatation) = (self.base.elastic.finite, self.dilatation.is_some());
         match sum {
-            Sum::Change => inputs.sum_plastic_change(Force::<false, true>, broken, sums),
+            Sum::Change => {
+                self.sum_plastic_kernel::<D>(Force::<false, true>, Inputs::plastic_change, out);
+                out.par_iter_mut().for_each(|f| *f = -*f);
+            }
             Sum::Stiffness => specialise!(DILATATION = dilatation =>
-                inputs.sum_forces(&Stiffness::<DILATATION>, broken, sums)),
+                self.sum_kernel::<D>(&Stiffness::<DILATATION>, out)),
             Sum::Force if self.base.plasticity.is_some() => specialise!(FINITE = finite =>
-                inputs.sum_plastic(Force::<FINITE, true>, broken, sums)),
+                self.sum_plastic_kernel::<D>(Force::<FINITE, true>, Inputs::plastic, out)),
             Sum::Force => specialise!(FINITE = finite, DILATATION = dilatation =>
-                inputs.sum_forces(&Force::<FINITE, DILATATION>, broken, sums)),
-        }
-        unflatten::<D>(&self.base.padded, out);
-        self.complete_forces::<D>(sum, out);
-        if sum == Sum::Change {
-            out.par_iter_mut().for_each(|f| *f = -*f);
+                self.sum_kernel::<D>(&Force::<FINITE, DILATATION>, out)),
         }
     }
 
-    /// Adds what bonds to layers give besides the states of their ends.
-    fn complete_forces<const D: usize>(&mut self, sum: Sum, out: &mut [f64]) {
-        let layers = &mut self.base.layer_forces;
-        if layers.is_empty() {
-            return;
-        }
+    /// Sums a kernel of forces, layers included.
+    fn sum_kernel<const D: usize>(&mut self, kernel: &impl BondKernel<INPUTS, D>, out: &mut [f64]) {
         let broken = self.base.fracture.as_ref().map(Fracture::broken);
-        let (inputs, finite) = (&self.inputs, self.base.elastic.finite);
-        let continued = (&*self.base.family, &self.base.continuation);
-        let dilatation = self.dilatation.is_some();
-        let elastic = (inputs.first::<INPUTS>(), broken);
-        match sum {
-            Sum::Change => {
-                let kernel = Plastic(Force::<false, true>);
-                let inputs = (inputs.plastic_change(), broken);
-                layers.complete::<_, D>((&kernel, 0), continued, inputs, out);
-            }
-            Sum::Stiffness => specialise!(DILATATION = dilatation => {
-                let kernel = Stiffness::<DILATATION>;
-                layers.complete::<_, D>((&kernel, 0), continued, elastic, out);
-            }),
-            Sum::Force if self.base.plasticity.is_some() => specialise!(FINITE = finite => {
-                let kernel = Plastic(Force::<FINITE, true>);
-                let inputs = (inputs.plastic(), broken);
-                layers.complete::<_, D>((&kernel, 0), continued, inputs, out);
-            }),
-            Sum::Force => specialise!(FINITE = finite, DILATATION = dilatation => {
-                let kernel = Force::<FINITE, DILATATION>;
-                layers.complete::<_, D>((&kernel, 0), continued, elastic, out);
-            }),
-        }
+        let sums = flat::<D>(&mut self.base.padded, bytemuck::cast_slice_mut(out));
+        self.inputs.sum_forces(kernel, broken, sums);
+        unflatten::<D>(&self.base.padded, out);
+        self.base.complete(kernel, self.inputs.first(), out);
+    }
+
+    /// Sums a kernel of forces with inelastic strains, layers included.
+    fn sum_plastic_kernel<const D: usize>(
+        &mut self,
+        kernel: impl BondKernel<INPUTS, D>,
+        inputs: fn(&Inputs) -> [&[f64]; PLASTIC_INPUTS],
+        out: &mut [f64],
+    ) {
+        let (kernel, inputs) = (Plastic(kernel), inputs(&self.inputs));
+        let broken = self.base.fracture.as_ref().map(Fracture::broken);
+        let sums = flat::<D>(&mut self.base.padded, bytemuck::cast_slice_mut(out));
+        (self.base.family).sum_unbroken(&kernel, inputs, broken, sums);
+        unflatten::<D>(&self.base.padded, out);
+        self.base.complete(&kernel, inputs, out);
     }
 
     /// Forces and, in the same sweep, the excess of bonds over their limit.
@@ -176,8 +162,9 @@ impl Ordinary {
         specialise!(FINITE = finite, DILATATION = dilatation, ENERGY = energy => {
             let kernel = Breaking::<D, FINITE, DILATATION, ENERGY>;
             inputs.sum_forces_and_excess(&kernel, broken, sums);
+            let kernel = Force::<FINITE, DILATATION>;
+            self.base.complete::<_, D>(&kernel, inputs.first(), out);
         });
-        self.complete_forces::<D>(Sum::Force, out);
     }
 
     /// The excess of the bonds of a plastic body.
@@ -218,7 +205,7 @@ impl Ordinary {
                 return stress;
             };
             let [own, other] = [own, other].map(|[x, y, z, ..]| [x, y, z]);
-            let dilation = specialise!(FINITE = finite =>
+            let [dilation] = specialise!(FINITE = finite =>
                 Dilation::<FINITE>.bond(bond, own, other));
             stress + dilatation.conjugate_stress(elastic, point, dilation)
         };
@@ -241,7 +228,7 @@ fn elastic_ratio(load: Load, inputs: &Inputs) -> impl Fn(&Bond, usize, usize) ->
     }
 }
 
-/// As [`elastic_ratio`], with a plastic strain.
+/// Load of a bond over the mean limit of its ends, with a plastic strain.
 fn plastic_ratio(load: Load, inputs: &Inputs) -> impl Fn(&Bond, usize, usize) -> f64 + Sync {
     let (kernel, inputs) = (Plastic(load), inputs.plastic());
     move |bond: &Bond, own: usize, other: usize| {

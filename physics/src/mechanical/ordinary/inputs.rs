@@ -137,7 +137,7 @@ impl Inputs {
         }
     }
 
-    /// As [`Inputs::sum_forces`], with forces and the excess of bonds in arrays of their own.
+    /// Sums a kernel of forces and of the excess of bonds into arrays of their own.
     pub(super) fn sum_forces_and_excess(
         &self,
         kernel: &impl BondKernel<INPUTS, 4>,
@@ -169,18 +169,6 @@ impl Inputs {
     ) {
         let (kernel, inputs) = (Plastic(kernel), self.plastic());
         self.family.sum_unbroken(&kernel, inputs, broken, sums);
-    }
-
-    /// As [`Inputs::sum_plastic`], without the eigenstrain: for changes of the displacement.
-    pub(super) fn sum_plastic_change<const O: usize>(
-        &self,
-        kernel: impl BondKernel<INPUTS, O>,
-        broken: Option<&BrokenBonds>,
-        sums: &mut [[f64; O]],
-    ) {
-        let inputs = self.plastic_change();
-        self.family
-            .sum_unbroken(&Plastic(kernel), inputs, broken, sums);
     }
 
     /// The inputs of [`Plastic`] kernels for changes of the displacement, without the eigenstrain.

@@ -215,7 +215,7 @@ impl Ordinary {
             dilatation.sum(StrainKind::Total, finite, inputs, broken);
             for (i, [density, conjugate]) in energy.iter_mut().enumerate() {
                 *density += dilatation.energy(elastic, None, i);
-                *conjugate += dilatation.conjugate_stress(elastic, i, dilatation.sums[i]);
+                *conjugate += dilatation.conjugate_stress(elastic, i, dilatation.sums[i][0]);
             }
         }
         for (i, [_, conjugate]) in energy.iter_mut().enumerate() {

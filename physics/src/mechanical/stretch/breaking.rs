@@ -42,19 +42,34 @@ impl<const FINITE: bool> Excess<FINITE> {
         });
         let ends = (&own, &other);
         let stretch = stretched::<FINITE, 3, _>(bond, ends).stretch();
-        load_and_limit(false, bond, (stretch, 0.0), ends)
+        load_and_limit(
+            false,
+            bond,
+            BondStretch {
+                stretch,
+                force: 0.0,
+            },
+            ends,
+        )
     }
 }
 
+/// Stretch of a bond and the force density along it, N/m³.
+struct BondStretch {
+    stretch: f64,
+    force: f64,
+}
+
 /// Load of a bond and its limit: thermo-elastic stretch, or energy and limit both times the weight. The load is
-/// positive in tension only. `force` along the bond in N/m³.
+/// positive in tension only.
 #[inline(always)]
 fn load_and_limit(
     energy: bool,
     bond: &Bond,
-    (stretch, force): (f64, f64),
+    stretched: BondStretch,
     (own, other): Ends<'_>,
 ) -> (f64, f64) {
+    let BondStretch { stretch, force } = stretched;
     let elastic = elastic_stretch(stretch, (own, other));
     let limit = 0.5 * (own[CRITICAL] + other[CRITICAL]);
     match energy {
@@ -77,7 +92,7 @@ impl<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: b
         let change = stretched::<FINITE, D, _>(bond, ends);
         let stretch = change.stretch();
         let force = pull::<DILATATION>(bond, stretch, ends);
-        let (load, limit) = load_and_limit(ENERGY, bond, (stretch, force), ends);
+        let (load, limit) = load_and_limit(ENERGY, bond, BondStretch { stretch, force }, ends);
         let mut sums = [0.0, 0.0, 0.0, (load - limit).max(0.0)];
         let vector = change.vector(force);
         (0..D).for_each(|axis| sums[axis] = vector[axis]);
@@ -96,7 +111,7 @@ impl<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: b
         let change = stretched_by::<FINITE, true, D, _>(bond, ends);
         let stretch = change.stretch_by::<true>();
         let force = pull::<DILATATION>(bond, stretch, ends);
-        let (load, limit) = load_and_limit(ENERGY, bond, (stretch, force), ends);
+        let (load, limit) = load_and_limit(ENERGY, bond, BondStretch { stretch, force }, ends);
         here[3] += (load - limit).max(0.0);
         change.add_pull(force, [here, there]);
     }
@@ -126,7 +141,7 @@ impl BondKernel<INPUTS, 2> for Load {
             true => pull::<false>(bond, stretch, ends),
             false => pull::<true>(bond, stretch, ends),
         };
-        let (load, limit) = load_and_limit(self.energy, bond, (stretch, force), ends);
+        let (load, limit) = load_and_limit(self.energy, bond, BondStretch { stretch, force }, ends);
         [load / limit, (load - limit).max(0.0)]
     }
 }
