@@ -11,7 +11,8 @@ use crate::mechanical::fracture::{BondLoads, Fracture, NewBreaks};
 use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
 use crate::mechanical::stretch::{
-    Breaking, Dilation, Energy, Force, INPUTS, Load, PLASTIC_INPUTS, Plastic, Stiffness,
+    Breaking, Dilation, Energy, Force, INPUTS, LinearStates, Load, PLASTIC_INPUTS, Plastic,
+    Stiffness, with_law,
 };
 
 /// Which forces are summed.
@@ -110,18 +111,23 @@ impl Ordinary {
     }
 
     fn sum_forces_in<const D: usize>(&mut self, sum: Sum, out: &mut [f64]) {
-        let (finite, dilatation) = (self.base.elastic.finite, self.dilatation.is_some());
+        let finite = self.base.elastic.finite;
         match sum {
             Sum::Change => {
-                self.sum_plastic_kernel::<D>(Force::<false, true>, Inputs::plastic_change, out);
+                self.sum_plastic_kernel::<D>(
+                    Force::<false, _>(LinearStates),
+                    Inputs::plastic_change,
+                    out,
+                );
                 out.par_iter_mut().for_each(|f| *f = -*f);
             }
-            Sum::Stiffness => specialise!(DILATATION = dilatation =>
-                self.sum_kernel::<D>(&Stiffness::<DILATATION>, out)),
+            Sum::Stiffness => {
+                with_law!(self.law, law => self.sum_kernel::<D>(&Stiffness(law), out))
+            }
             Sum::Force if self.base.plasticity.is_some() => specialise!(FINITE = finite =>
-                self.sum_plastic_kernel::<D>(Force::<FINITE, true>, Inputs::plastic, out)),
-            Sum::Force => specialise!(FINITE = finite, DILATATION = dilatation =>
-                self.sum_kernel::<D>(&Force::<FINITE, DILATATION>, out)),
+                self.sum_plastic_kernel::<D>(Force::<FINITE, _>(LinearStates), Inputs::plastic, out)),
+            Sum::Force => with_law!(self.law, law => specialise!(FINITE = finite =>
+                self.sum_kernel::<D>(&Force::<FINITE, _>(law), out))),
         }
     }
 
@@ -154,17 +160,17 @@ impl Ordinary {
         let Some(fracture) = &mut self.base.fracture else {
             return;
         };
-        let (energy, dilatation) = (fracture.compares_energy(), self.dilatation.is_some());
+        let energy = fracture.compares_energy();
         let (inputs, finite) = (&self.inputs, self.base.elastic.finite);
         let (vectors, _) = out.as_chunks_mut::<3>();
         let sums = (vectors, &mut fracture.excess[..]);
         let broken = Some(&fracture.state.broken);
-        specialise!(FINITE = finite, DILATATION = dilatation, ENERGY = energy => {
-            let kernel = Breaking::<D, FINITE, DILATATION, ENERGY>;
+        with_law!(self.law, law => specialise!(FINITE = finite, ENERGY = energy => {
+            let kernel = Breaking::<D, FINITE, _, ENERGY>(law);
             inputs.sum_forces_and_excess(&kernel, broken, sums);
-            let kernel = Force::<FINITE, DILATATION>;
+            let kernel = Force::<FINITE, _>(law);
             self.base.complete::<_, D>(&kernel, inputs.first(), out);
-        });
+        }));
     }
 
     /// The excess of the bonds of a plastic body.
@@ -184,7 +190,7 @@ impl Ordinary {
         Load {
             finite: self.base.elastic.finite,
             energy: (self.base.fracture.as_ref()).is_some_and(Fracture::compares_energy),
-            pairs: self.dilatation.is_none(),
+            law: self.law,
         }
     }
 
@@ -195,12 +201,12 @@ impl Ordinary {
         };
         let (family, elastic) = (&self.base.family, &self.base.elastic);
         let (finite, dilatation) = (elastic.finite, self.dilatation.as_ref());
-        let (inputs, pairs) = (self.inputs.first::<INPUTS>(), dilatation.is_none());
+        let (inputs, law) = (self.inputs.first::<INPUTS>(), self.law);
         let ends = |own, other| [own, other].map(|slot: usize| inputs.map(|i| i[slot]));
         let conjugate = |point: usize, bond: &Bond, other: usize| {
             let [own, other] = ends(family.slot_of(point), other);
             let [_, stress] = specialise!(FINITE = finite =>
-                Energy::<FINITE> { pairs }.bond(bond, own, other));
+                Energy::<FINITE> { law }.bond(bond, own, other));
             let Some(dilatation) = dilatation else {
                 return stress;
             };

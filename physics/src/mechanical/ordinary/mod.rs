@@ -20,8 +20,8 @@ use super::solid::{
 };
 use super::specialise::specialise;
 use super::stretch::{
-    Block, CRITICAL, EIGENSTRAIN, ElasticEnergy, Energy, Force, INPUTS, Plastic, STIFFNESS, Stress,
-    WeightOverLength,
+    Block, BondLaws, CRITICAL, EIGENSTRAIN, ElasticEnergy, Energy, Force, INPUTS, LinearPairs,
+    LinearStates, Plastic, STIFFNESS, Stress, WeightOverLength, with_law,
 };
 use dilatation::Dilatation;
 use forces::Sum;
@@ -32,6 +32,7 @@ use inputs::{Inputs, Needs};
 #[derive(Debug)]
 pub struct Ordinary {
     base: SolidBase,
+    law: BondLaws,
     horizons_differ: bool,
     /// `None` for a bond-based solid.
     dilatation: Option<Dilatation>,
@@ -68,6 +69,10 @@ impl Ordinary {
         };
         let base = SolidBase::new(body, family, constitution, properties);
         let mut this = Ordinary {
+            law: match is_ordinary {
+                true => BondLaws::States(LinearStates),
+                false => BondLaws::Pairs(LinearPairs),
+            },
             horizons_differ: base.horizons.windows(2).any(|h| h[0] != h[1]),
             dilatation: is_ordinary.then(|| Dilatation::new(&base.family, body)),
             gradient,
@@ -208,9 +213,9 @@ impl Ordinary {
             ..
         } = &mut self.base;
         let broken = fracture.as_ref().map(Fracture::broken);
-        let (finite, pairs, inputs) = (elastic.finite, self.dilatation.is_none(), &self.inputs);
+        let (finite, law, inputs) = (elastic.finite, self.law, &self.inputs);
         specialise!(FINITE = finite =>
-            inputs.sum::<INPUTS, 2>(&Energy::<FINITE> { pairs }, broken, energy));
+            inputs.sum::<INPUTS, 2>(&Energy::<FINITE> { law }, broken, energy));
         if let Some(dilatation) = &mut self.dilatation {
             dilatation.sum(StrainKind::Total, finite, inputs, broken);
             for (i, [density, conjugate]) in energy.iter_mut().enumerate() {
@@ -234,12 +239,12 @@ impl Ordinary {
             ..
         } = &mut self.base;
         let broken = fracture.as_ref().map(Fracture::broken);
-        let (finite, pairs, inputs) = (elastic.finite, self.dilatation.is_none(), &self.inputs);
+        let (finite, law, inputs) = (elastic.finite, self.law, &self.inputs);
         match plasticity {
             Some(_) => specialise!(FINITE = finite =>
-                inputs.sum_plastic(ElasticEnergy::<FINITE> { pairs }, broken, energy)),
+                inputs.sum_plastic(ElasticEnergy::<FINITE> { law }, broken, energy)),
             None => specialise!(FINITE = finite =>
-                inputs.sum::<INPUTS, 2>(&ElasticEnergy::<FINITE> { pairs }, broken, energy)),
+                inputs.sum::<INPUTS, 2>(&ElasticEnergy::<FINITE> { law }, broken, energy)),
         }
         if let Some(dilatation) = &mut self.dilatation {
             dilatation.sum(StrainKind::Elastic, finite, inputs, broken);
@@ -394,15 +399,15 @@ impl Solid for Ordinary {
         self.load_inelastic(StrainKind::Elastic);
         self.load_pressure(StrainKind::Elastic, self.base.elastic.finite);
         let (family, inputs, broken) = (&self.base.family, &self.inputs, self.base.broken());
-        let (finite, dilatation) = (self.base.elastic.finite, self.dilatation.is_some());
+        let finite = self.base.elastic.finite;
         if self.base.plasticity.is_some() {
             let inputs = inputs.plastic();
             specialise!(FINITE = finite =>
-                family.sum_across(&Plastic(Force::<FINITE, true>), inputs, broken, plane, receive));
+                family.sum_across(&Plastic(Force::<FINITE, _>(LinearStates)), inputs, broken, plane, receive));
         } else {
             let inputs = inputs.first::<INPUTS>();
-            specialise!(FINITE = finite, DILATATION = dilatation =>
-                family.sum_across(&Force::<FINITE, DILATATION>, inputs, broken, plane, receive));
+            with_law!(self.law, law => specialise!(FINITE = finite =>
+                family.sum_across(&Force::<FINITE, _>(law), inputs, broken, plane, receive)));
         }
     }
 }

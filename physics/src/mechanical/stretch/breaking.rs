@@ -3,12 +3,12 @@
 use perimelt_core::{Bond, BondKernel};
 
 use super::{
-    CRITICAL, EIGENSTRAIN, Ends, INPUTS, elastic_stretch, pull, stretched, stretched_by,
-    stretched_in,
+    BondLaw, BondLaws, CRITICAL, EIGENSTRAIN, Ends, INPUTS, elastic_stretch, stretched,
+    stretched_by, stretched_in,
 };
 
 /// The kernel `Force` along `D` axes, and the sum of the excess of bonds over their limits (of energy if `ENERGY`).
-pub struct Breaking<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: bool>;
+pub struct Breaking<const D: usize, const FINITE: bool, L, const ENERGY: bool>(pub L);
 
 /// The load of a bond over its limit (`[0]`), and its excess over the limit (`[1]`), as in [`Breaking`].
 pub struct Load {
@@ -16,8 +16,8 @@ pub struct Load {
     pub finite: bool,
     /// The limit is one of energy.
     pub energy: bool,
-    /// Bonds take the means of their ends: a bond-based solid.
-    pub pairs: bool,
+    /// The law of the bonds.
+    pub law: BondLaws,
 }
 
 /// Sum of the excess of bonds over their critical stretch, in a correspondence solid. Inputs: the displacement,
@@ -81,8 +81,8 @@ fn load_and_limit(
     }
 }
 
-impl<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: bool>
-    BondKernel<INPUTS, 4> for Breaking<D, FINITE, DILATATION, ENERGY>
+impl<const D: usize, const FINITE: bool, L: BondLaw, const ENERGY: bool> BondKernel<INPUTS, 4>
+    for Breaking<D, FINITE, L, ENERGY>
 {
     const PAIRED: usize = if FINITE { D } else { 0 };
 
@@ -91,7 +91,7 @@ impl<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: b
         let ends = (&own, &other);
         let change = stretched::<FINITE, D, _>(bond, ends);
         let stretch = change.stretch();
-        let force = pull::<DILATATION>(bond, stretch, ends);
+        let force = self.0.tension(bond, stretch, ends);
         let (load, limit) = load_and_limit(ENERGY, bond, BondStretch { stretch, force }, ends);
         let mut sums = [0.0, 0.0, 0.0, (load - limit).max(0.0)];
         let vector = change.vector(force);
@@ -110,7 +110,7 @@ impl<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: b
         let ends = (&own, &other);
         let change = stretched_by::<FINITE, true, D, _>(bond, ends);
         let stretch = change.stretch_by::<true>();
-        let force = pull::<DILATATION>(bond, stretch, ends);
+        let force = self.0.tension(bond, stretch, ends);
         let (load, limit) = load_and_limit(ENERGY, bond, BondStretch { stretch, force }, ends);
         here[3] += (load - limit).max(0.0);
         change.add_pull(force, [here, there]);
@@ -137,10 +137,7 @@ impl BondKernel<INPUTS, 2> for Load {
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
         let ends = (&own, &other);
         let stretch = stretched_in(self.finite, bond, ends).stretch();
-        let force = match self.pairs {
-            true => pull::<false>(bond, stretch, ends),
-            false => pull::<true>(bond, stretch, ends),
-        };
+        let force = self.law.tension(bond, stretch, ends);
         let (load, limit) = load_and_limit(self.energy, bond, BondStretch { stretch, force }, ends);
         [load / limit, (load - limit).max(0.0)]
     }

@@ -2,13 +2,15 @@
 
 use perimelt_core::{Bond, BondKernel};
 
-use super::{INPUTS, PRESSURE, STIFFNESS, dyad, elastic_stretch, stretched, stretched_in};
+use super::{
+    BondLaw, BondLaws, INPUTS, PRESSURE, STIFFNESS, dyad, elastic_stretch, stretched, stretched_in,
+};
 
 /// Energy density `c/4 sum_j w |xi| s^2` (J/m³) of the bonds of a point at their total stretch, and the stress
 /// `c/2 sum_j w |xi| s` conjugate to the eigenstrain (Pa); in a bond-based solid with the mean c of both ends.
 pub struct Energy<const FINITE: bool> {
-    /// Bonds take the means of their ends: a bond-based solid.
-    pub pairs: bool,
+    /// The law of the bonds.
+    pub law: BondLaws,
 }
 
 /// Peridynamic stress `sum_j T_ij (x) xi` (Pa) as xx, yy, zz, xy, yz, zx (S1 of docs/theory/stress.md): the
@@ -23,35 +25,26 @@ pub struct Stress {
 impl<const FINITE: bool> BondKernel<INPUTS, 2> for Energy<FINITE> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
-        let stretch = stretched::<FINITE, 3, _>(bond, (&own, &other)).stretch();
+        let ends = (&own, &other);
+        let stretch = stretched::<FINITE, 3, _>(bond, ends).stretch();
         let density = 0.25 * own[STIFFNESS] * bond.weight * bond.length * stretch * stretch;
-        let force = match self.pairs {
-            true => 0.5 * (own[STIFFNESS] + other[STIFFNESS]) * bond.mean(),
-            false => own[STIFFNESS] * bond.weight,
-        };
-        [density, 0.5 * force * bond.length * stretch]
+        [density, self.law.conjugate_stress(bond, stretch, ends)]
     }
 }
 
 /// Energy density `c/4 sum_j w |xi| (s - e)^2` (J/m³) of the bonds of a point at their elastic stretch, and zero; in a
 /// bond-based solid with the means of c and w of both ends.
 pub struct ElasticEnergy<const FINITE: bool> {
-    /// Bonds take the means of their ends: a bond-based solid.
-    pub pairs: bool,
+    /// The law of the bonds.
+    pub law: BondLaws,
 }
 
 impl<const FINITE: bool> BondKernel<INPUTS, 2> for ElasticEnergy<FINITE> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
-        let stretch = stretched::<FINITE, 3, _>(bond, (&own, &other)).stretch();
-        let stiffness = match self.pairs {
-            // both ends have the mean weight together; at layers the own weight is that of the energy of the forces
-            true => 0.5 * (own[STIFFNESS] + other[STIFFNESS]),
-            false => own[STIFFNESS],
-        };
-        let elastic = elastic_stretch(stretch, (&own, &other));
-        let of_bond = bond.weight * stiffness * bond.length;
-        [0.25 * of_bond * elastic * elastic, 0.0]
+        let ends = (&own, &other);
+        let stretch = stretched::<FINITE, 3, _>(bond, ends).stretch();
+        [self.law.elastic_energy(bond, stretch, ends), 0.0]
     }
 }
 

@@ -2,21 +2,19 @@
 
 use perimelt_core::{Bond, BondKernel};
 
-use super::{EIGENSTRAIN, INPUTS, STIFFNESS, dyad, pull, stretched, stretched_by};
+use super::{BondLaw, EIGENSTRAIN, INPUTS, STIFFNESS, dyad, stretched, stretched_by};
 
 /// Force density of the bonds, N/m³.
-pub struct Force<const FINITE: bool, const DILATATION: bool>;
+pub struct Force<const FINITE: bool, L>(pub L);
 
-impl<const FINITE: bool, const DILATATION: bool, const D: usize> BondKernel<INPUTS, D>
-    for Force<FINITE, DILATATION>
-{
+impl<const FINITE: bool, L: BondLaw, const D: usize> BondKernel<INPUTS, D> for Force<FINITE, L> {
     const PAIRED: usize = if FINITE { D } else { 0 };
 
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
         let ends = (&own, &other);
         let change = stretched::<FINITE, D, _>(bond, ends);
-        change.vector(pull::<DILATATION>(bond, change.stretch(), ends))
+        change.vector(self.0.tension(bond, change.stretch(), ends))
     }
 
     #[inline(always)]
@@ -30,7 +28,7 @@ impl<const FINITE: bool, const DILATATION: bool, const D: usize> BondKernel<INPU
         let ends = (&own, &other);
         let change = stretched_by::<FINITE, true, D, _>(bond, ends);
         change.add_pull(
-            pull::<DILATATION>(bond, change.stretch_by::<true>(), ends),
+            self.0.tension(bond, change.stretch_by::<true>(), ends),
             sums,
         );
     }
@@ -38,14 +36,14 @@ impl<const FINITE: bool, const DILATATION: bool, const D: usize> BondKernel<INPU
 
 /// Stiffness times displacement, N/m³: the linear part of minus [`Force`], with the pressure that the
 /// displacement makes.
-pub struct Stiffness<const DILATATION: bool>;
+pub struct Stiffness<L>(pub L);
 
-impl<const DILATATION: bool, const D: usize> BondKernel<INPUTS, D> for Stiffness<DILATATION> {
+impl<L: BondLaw, const D: usize> BondKernel<INPUTS, D> for Stiffness<L> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, mut own: [f64; INPUTS], mut other: [f64; INPUTS]) -> [f64; D] {
         own[EIGENSTRAIN] = 0.0;
         other[EIGENSTRAIN] = 0.0;
-        Force::<false, DILATATION>
+        Force::<false, L>(self.0)
             .bond(bond, own, other)
             .map(|f: f64| -f)
     }

@@ -22,6 +22,7 @@ mod adapters;
 mod breaking;
 mod energy;
 mod force;
+mod law;
 mod sums;
 
 use perimelt_core::Bond;
@@ -30,6 +31,8 @@ pub use adapters::{PLASTIC_INPUTS, Plastic, Uniform};
 pub use breaking::{Breaking, EXCESS_INPUTS, Excess, Load};
 pub use energy::{ElasticEnergy, Energy, Stress};
 pub use force::{Block, Force, Stiffness};
+pub(super) use law::with_law;
+pub use law::{BondLaw, BondLaws, LinearPairs, LinearStates};
 pub use sums::{
     Dilation, Directions, ElasticDilation, ElasticExpansion, Expansion, TotalWeight,
     WeightOverLength,
@@ -47,45 +50,14 @@ pub const STIFFNESS: usize = 5;
 /// Input that holds the limit of bonds: critical stretch, or energy in J/m².
 pub const CRITICAL: usize = 6;
 
-type Ends<'a> = (&'a [f64; INPUTS], &'a [f64; INPUTS]);
-
-/// Force density along a bond of a bond-based solid with the mean stiffness and eigenstrain of its ends (Wang
-/// (2025), eqs. 7.14, 7.15), N/m³. The mean of the products at both ends differs by several percent where both
-/// change within a horizon, as at a melt pool.
-#[inline(always)]
-fn pair_tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
-    let mean = |i: usize| 0.5 * (own[i] + other[i]);
-    bond.mean() * mean(STIFFNESS) * (stretch - mean(EIGENSTRAIN))
-}
+/// Inputs of the point of a bond and of its other end.
+pub type Ends<'a> = (&'a [f64; INPUTS], &'a [f64; INPUTS]);
 
 /// Elastic stretch of a bond: without the eigenstrain, of which the bond has the mean of its ends. That of a linear
 /// eigenstrain is zero in a free body, whose bonds have just this stretch.
 #[inline(always)]
 fn elastic_stretch(stretch: f64, (own, other): Ends<'_>) -> f64 {
     stretch - 0.5 * (own[EIGENSTRAIN] + other[EIGENSTRAIN])
-}
-
-/// Force density along the bond from the stretch of both ends, N/m³.
-#[inline(always)]
-fn tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
-    let elastic = elastic_stretch(stretch, (own, other));
-    // computed once if the stiffness is the same at both ends
-    let end = |point: &[f64; INPUTS]| 0.5 * point[STIFFNESS] * elastic;
-    bond.weight * end(own) + bond.dual * end(other)
-}
-
-#[inline(always)]
-fn pressure(bond: &Bond, (own, other): Ends<'_>) -> f64 {
-    (bond.weight * own[PRESSURE] + bond.dual * other[PRESSURE]) * bond.inverse_length
-}
-
-/// Force density along the bond of either solid, N/m³.
-#[inline(always)]
-fn pull<const DILATATION: bool>(bond: &Bond, stretch: f64, ends: Ends<'_>) -> f64 {
-    match DILATATION {
-        true => tension(bond, stretch, ends) + pressure(bond, ends),
-        false => pair_tension(bond, stretch, ends),
-    }
 }
 
 /// Stretch of a bond, `scale sum_a relative_a arm_a`.
