@@ -48,7 +48,6 @@ use super::classical::{COMPONENTS, Point, symmetric};
 use super::keys::{Formulation, Mechanical};
 use super::moduli::Moduli;
 use super::momentum::{Momentum, place};
-use super::plasticity::{Inelastic, elastic_strain};
 use super::solid::{PointStates, StressFreeStrain, Wanted};
 use super::step::MechanicalRun;
 use super::surface_stress::SurfaceStress;
@@ -369,11 +368,8 @@ impl MechanicalRun {
         let mut birth_strain = world.write(birth_strain);
         let fresh = self.state.fresh.iter().enumerate().filter(|(_, f)| **f);
         for (i, _) in fresh {
-            let elastic = elastic_strain(plasticity.stress_state, &stress[i], &moduli[i]);
-            let settled = &mut plasticity.settled[i];
-            let relieved = std::array::from_fn(|c| elastic[c] + settled.strain[c]);
+            let relieved = plasticity.reset(i, &stress[i], &moduli[i]);
             birth_strain[i] += symmetric(&relieved);
-            *settled = Inelastic::default();
             stress[i] = [0.0; 6];
         }
         drop(birth_strain);

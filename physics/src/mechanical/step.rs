@@ -179,26 +179,27 @@ impl MechanicalRun {
         };
         let given = world.read_if_provided(fields.yield_stress);
         let material = &world.body(self.body).material_of_point;
-        plasticity.set_temperature(material, temperature, given.as_deref());
+        plasticity
+            .law
+            .set_temperature(material, temperature, given.as_deref());
         if let Some(compliance) = world.read_if_provided(fields.transformation_compliance) {
             let seen = &mut self.state.seen_compliance;
             seen.resize(compliance.len(), 0.0);
-            plasticity.set_transformation(compliance.iter().zip(&*seen).map(|(c, s)| c - s));
+            plasticity
+                .law
+                .set_transformation(compliance.iter().zip(&*seen).map(|(c, s)| c - s));
             seen.copy_from_slice(&compliance);
         }
         let strains = world.read::<Matrix3<f64>>(fields.strain.into());
         let equivalents = world.read::<f64>(fields.equivalent.into());
-        let settled = plasticity
-            .settled
-            .iter_mut()
-            .zip(&*strains)
-            .zip(&*equivalents);
-        settled.for_each(|((settled, strain), &equivalent)| {
-            let strain = classical::COMPONENTS.map(|at| strain[at]);
-            *settled = Inelastic { strain, equivalent };
+        let points = strains.iter().zip(&*equivalents);
+        let settled = points.map(|(strain, &equivalent)| Inelastic {
+            strain: classical::COMPONENTS.map(|at| strain[at]),
+            equivalent,
         });
-        plasticity.tried.copy_from_slice(&plasticity.settled);
-        let strains = plasticity.settled.iter().map(|s| max_abs(&s.strain));
+        plasticity.states.load(settled);
+        let settled = plasticity.states.settled().iter();
+        let strains = settled.map(|s| max_abs(&s.strain));
         self.eigenstrain_size += strains.fold(0.0, f64::max);
     }
 
@@ -220,11 +221,11 @@ impl MechanicalRun {
         else {
             return;
         };
-        plasticity.tried.copy_from_slice(&plasticity.settled);
+        plasticity.states.reject();
         let (mut strains, mut equivalents) =
             (world.write(fields.strain), world.write(fields.equivalent));
         let points = strains.iter_mut().zip(equivalents.iter_mut());
-        for ((strain, equivalent), settled) in points.zip(&plasticity.settled) {
+        for ((strain, equivalent), settled) in points.zip(plasticity.states.settled()) {
             *strain = classical::symmetric(&settled.strain);
             *equivalent = settled.equivalent;
         }

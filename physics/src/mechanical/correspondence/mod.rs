@@ -163,7 +163,9 @@ impl Correspondence {
         };
         match (&self.base.plasticity, strain) {
             (None, _) | (_, StrainKind::Total) => law,
-            (Some(p), StrainKind::Elastic) => law.with_inelastic(p.stress_state, p.tried[i].strain),
+            (Some(p), StrainKind::Elastic) => {
+                law.with_inelastic(p.stress_state, p.states.tried()[i].strain)
+            }
             (Some(p), StrainKind::Change) => law.with_inelastic(p.stress_state, p.change[i]),
         }
     }

@@ -47,7 +47,7 @@ impl PressureLaw<'_> {
     fn inelastic(&self, point: usize) -> Option<[f64; 6]> {
         let plasticity = self.plasticity?;
         match self.strain {
-            StrainKind::Elastic => Some(plasticity.tried[point].strain),
+            StrainKind::Elastic => Some(plasticity.states.tried()[point].strain),
             StrainKind::Change => Some(plasticity.change[point]),
             StrainKind::Total => None,
         }
@@ -204,7 +204,7 @@ impl Dilatation {
         let dilatation = self.of(point);
         let mut energy = moduli.dilatation_stiffness(d) * dilatation * dilatation;
         if let Some(plasticity) = plasticity {
-            let strain = &plasticity.tried[point].strain;
+            let strain = &plasticity.states.tried()[point].strain;
             let in_plane: f64 = strain[..d].iter().sum();
             let trace = plasticity.stress_state.trace(strain);
             let relieved = moduli.lame * trace - moduli.shear * in_plane;

@@ -56,7 +56,7 @@ impl Ordinary {
         };
         let strain_of = |i: usize| match strain {
             StrainKind::Change => state.change[i],
-            StrainKind::Elastic | StrainKind::Total => state.tried[i].strain,
+            StrainKind::Elastic | StrainKind::Total => state.states.tried()[i].strain,
         };
         self.inputs
             .load_inelastic(&self.base.continuation, strain_of);

@@ -197,7 +197,7 @@ impl Ordinary {
         } = &mut self.base;
         if elastic.is_plane_strain() {
             for (i, tensor) in tensors.iter_mut().enumerate() {
-                let tried = plasticity.as_ref().map(|p| &p.tried[i].strain);
+                let tried = plasticity.as_ref().map(|p| &p.states.tried()[i].strain);
                 let across = tried.map_or(0.0, |strain| strain[2]);
                 let (moduli, eigenstrain) = (elastic.moduli(i), elastic.eigenstrain[i]);
                 tensor[2] = moduli.stress_across(tensor, eigenstrain, across);

@@ -16,10 +16,12 @@
 //!
 //! Small elastic strains; no kinematic hardening, no rate dependence.
 
+mod law;
 mod return_mapping;
+mod store;
 
 use nalgebra::{Matrix3, Matrix6, Vector6};
-use perimelt_core::material::{Property, Table};
+use perimelt_core::material::Table;
 use perimelt_core::{Setup, SetupError};
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -28,9 +30,10 @@ use serde::{Deserialize, Serialize};
 use super::classical::{COMPONENTS, Point};
 use super::elastic::StrainedPoints;
 use super::moduli::{Moduli, Plane};
-pub(super) use return_mapping::elastic_strain;
+pub use law::{FlowLaw, FlowPoint, J2};
 pub use return_mapping::{FlowStress, StressState, return_to_yield};
-use return_mapping::{Flowed, flow_along_deviator, radial_tangent, relieved_strain};
+use return_mapping::{elastic_strain, relieved_strain};
+pub use store::{Inelastic, InelasticStates};
 
 /// Plastic flow by the material properties `yield_stress` and, if given, `hardening_modulus`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -74,33 +77,17 @@ impl HardeningTable {
     }
 }
 
-/// Inelastic strain of a point (xx, yy, zz, xy, yz, zx) and equivalent plastic strain.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Inelastic {
-    /// Plastic and annealed strain.
-    pub strain: [f64; 6],
-    /// Equivalent plastic strain since the last annealing.
-    pub equivalent: f64,
-}
-
-/// Plastic state of a body: at the end of the last step, and for the trial displacement of a solver.
+/// Plastic flow of a body: its law, and the states of its points.
 #[derive(Debug)]
 pub struct Plasticity {
     /// The components that the stress has.
     pub stress_state: StressState,
-    yield_stress: Vec<Property>,
-    hardening_modulus: Vec<Option<Property>>,
-    table: Option<Table>,
+    /// The law of the flow.
+    pub law: J2,
     /// K.
     pub annealing_temperature: Option<f64>,
-    /// Yield stress and hardening modulus of each point at its present temperature, Pa.
-    flow: Vec<[f64; 2]>,
-    /// 3/2 of the compliance of transformation plasticity in this step, 1/Pa, by point; empty without.
-    transformation: Vec<f64>,
-    /// State at the end of the last step.
-    pub settled: Vec<Inelastic>,
-    /// Trial state of the displacement in the last evaluation of forces.
-    pub tried: Vec<Inelastic>,
+    /// States of the points.
+    pub states: InelasticStates,
     /// Derivative of the inelastic strain by the strain, of the points that flow in the linearised state.
     tangents: Vec<(usize, Matrix6<f64>)>,
     /// Change of the inelastic strain of each point with a change of the displacement, by the tangents.
@@ -130,8 +117,9 @@ impl Plasticity {
             Some(hardening) => Some(hardening.table()?),
         };
         let points = this.points.len();
-        Ok(Plasticity {
-            stress_state: StressState::of(this.dimension, plane),
+        let stress_state = StressState::of(this.dimension, plane);
+        let law = J2 {
+            stress_state,
             yield_stress: setup.world().property(body, "yield_stress")?,
             hardening_modulus: this
                 .materials
@@ -139,120 +127,76 @@ impl Plasticity {
                 .map(|m| m.get("hardening_modulus").cloned())
                 .collect(),
             table,
-            annealing_temperature: section.annealing_temperature,
             flow: vec![[0.0; 2]; points],
             transformation: Vec::new(),
-            settled: vec![Inelastic::default(); points],
-            tried: vec![Inelastic::default(); points],
+        };
+        Ok(Plasticity::new(law, section.annealing_temperature, points))
+    }
+
+    fn new(law: J2, annealing_temperature: Option<f64>, points: usize) -> Self {
+        Plasticity {
+            stress_state: law.stress_state,
+            law,
+            annealing_temperature,
+            states: InelasticStates::new(points),
             tangents: Vec::new(),
             change: vec![[0.0; 6]; points],
-        })
-    }
-
-    /// Evaluates yield stress and hardening modulus at the temperature of each point, K; `given` yield stresses (Pa) of the
-    /// points take the place of the materials'.
-    pub fn set_temperature(
-        &mut self,
-        material: &[u16],
-        temperature: Option<&[f64]>,
-        given: Option<&[f64]>,
-    ) {
-        let (yields, moduli) = (&self.yield_stress, &self.hardening_modulus);
-        let points = self.flow.par_iter_mut().zip(material).enumerate();
-        points.for_each(|(i, (flow, &m))| {
-            let t = temperature.map_or(0.0, |t| t[i]);
-            let modulus = moduli[m as usize].as_ref();
-            *flow = [
-                given.map_or_else(|| yields[m as usize].at(t, 0.0), |given| given[i]),
-                modulus.map_or(0.0, |h| h.at(t, 0.0)),
-            ];
-        });
-    }
-
-    /// Sets the growth of the compliance of transformation plasticity in this step (1/Pa, by point).
-    pub fn set_transformation(&mut self, growth: impl Iterator<Item = f64>) {
-        self.transformation.clear();
-        self.transformation.extend(growth.map(|k| 1.5 * k));
-    }
-
-    /// Flow of a point from a trial stress (Pa): by transformation, then by the excess over the flow stress. The
-    /// increments of plastic strain and equivalent plastic strain, `None` without flow.
-    fn flow_from(
-        &self,
-        point: usize,
-        trial: &[f64; 6],
-        moduli: &Moduli,
-    ) -> Option<([f64; 6], f64)> {
-        let (state, equivalent) = (self.stress_state, self.settled[point].equivalent);
-        let flow = flow_stress(&self.flow[point], self.table.as_ref());
-        match self.transformation.get(point) {
-            None | Some(0.0) => return_to_yield(state, trial, moduli, flow, equivalent),
-            Some(&g) => {
-                let (stress, mut strain) = flow_along_deviator(state, trial, moduli, g);
-                let excess = return_to_yield(state, &stress, moduli, flow, equivalent);
-                let (rest, increment) = excess.unwrap_or(([0.0; 6], 0.0));
-                strain.iter_mut().zip(rest).for_each(|(e, de)| *e += de);
-                Some((strain, increment))
-            }
         }
     }
 
     /// Returns the stresses of all points to the flow stress: sets the trial state.
     pub(super) fn try_strains(&mut self, points: StrainedPoints<'_>) {
-        let mut tried = std::mem::take(&mut self.tried);
+        let (law, state) = (&self.law, self.stress_state);
+        let (settled, tried) = self.states.try_from_settled();
         tried.par_iter_mut().enumerate().for_each(|(i, tried)| {
-            *tried = self.settled[i];
-            let law = points
-                .law(i)
-                .with_inelastic(self.stress_state, tried.strain);
-            let trial = points.stress(i, &law);
-            if let Some((strain, increment)) = self.flow_from(i, &trial, &law.moduli) {
-                tried
-                    .strain
-                    .iter_mut()
-                    .zip(strain)
-                    .for_each(|(e, de)| *e += de);
-                tried.equivalent += increment;
+            let settled = &settled[i];
+            *tried = *settled;
+            let elastic = points.law(i).with_inelastic(state, settled.strain);
+            let trial = points.stress(i, &elastic);
+            let point = FlowPoint {
+                number: i,
+                moduli: &elastic.moduli,
+                settled,
+            };
+            if let Some(increment) = law.flow(point, &trial) {
+                let strain = tried.strain.iter_mut().zip(increment.strain);
+                strain.for_each(|(e, de)| *e += de);
+                tried.equivalent += increment.equivalent;
             }
         });
-        self.tried = tried;
     }
 
     /// Derivatives of the inelastic strains of the trial state by the strains, for points that flow: the consistent
-    /// tangent of the return mapping, in plane stress by central differences.
+    /// tangent of the law, or central differences.
     pub(super) fn linearise(&mut self, points: StrainedPoints<'_>) {
         /// Step of the differences in yield strains: errors of 1e-8 from the curvature, and less from
         /// the return, which is found to rounding.
         const STEP: f64 = 1e-4;
-        let (tried, settled, state) = (&self.tried, &self.settled, self.stress_state);
-        let flows = |&i: &usize| {
-            tried[i].equivalent > settled[i].equivalent
-                || self.transformation.get(i).is_some_and(|g| *g > 0.0)
-        };
-        let flowing: Vec<usize> = (0..tried.len()).filter(flows).collect();
+        let (law, state) = (&self.law, self.stress_state);
+        let (tried, settled) = (self.states.tried(), self.states.settled());
+        let flowing = (0..tried.len()).filter(|&i| law.flows(i, &settled[i], &tried[i]));
+        let flowing: Vec<usize> = flowing.collect();
         let tangents = flowing.into_par_iter().map(|i| {
-            let law = points.law(i);
-            let settled = &settled[i];
-            let flow = flow_stress(&self.flow[i], self.table.as_ref());
-            let trial = points.stress(i, &law.with_inelastic(state, settled.strain));
-            let flowed = Flowed {
-                transformation: self.transformation.get(i).copied().unwrap_or(0.0),
-                increment: tried[i].equivalent - settled.equivalent,
-                hardening: flow.slope(tried[i].equivalent),
+            let elastic = points.law(i);
+            let point = FlowPoint {
+                number: i,
+                moduli: &elastic.moduli,
+                settled: &settled[i],
             };
-            if let Some(tangent) = radial_tangent(state, &trial, &law.moduli, flowed) {
+            let trial = points.stress(i, &elastic.with_inelastic(state, settled[i].strain));
+            if let Some(tangent) = law.tangent(point, &trial, &tried[i]) {
                 return (i, tangent);
             }
-            let step = STEP * flow.yield_stress / (2.0 * law.moduli.shear);
+            let step = STEP * law.yield_stress(i) / (2.0 * elastic.moduli.shear);
             let returned = |change: &[f64; 6], factor: f64| {
                 let stress = std::array::from_fn(|c| trial[c] + factor * change[c]);
-                self.flow_from(i, &stress, &law.moduli)
-                    .map_or([0.0; 6], |(strain, _)| strain)
+                law.flow(point, &stress)
+                    .map_or([0.0; 6], |increment| increment.strain)
             };
             let tangent = Matrix6::from_columns(&std::array::from_fn::<_, 6, _>(|component| {
                 let mut unit = [0.0; 6];
                 unit[component] = 1.0;
-                let stress = points.elastic_stress(&law, &unit);
+                let stress = points.elastic_stress(&elastic, &unit);
                 let (up, down) = (returned(&stress, step), returned(&stress, -step));
                 Vector6::from_fn(|c, _| (up[c] - down[c]) / (2.0 * step))
             }));
@@ -273,7 +217,7 @@ impl Plasticity {
 
     /// Stress of each point in the trial state, Pa, without the rotation of the point.
     pub(super) fn tried_stress(&self, points: StrainedPoints<'_>, stress: &mut [[f64; 6]]) {
-        for (i, (stress, tried)) in stress.iter_mut().zip(&self.tried).enumerate() {
+        for (i, (stress, tried)) in stress.iter_mut().zip(self.states.tried()).enumerate() {
             let law = points.law(i);
             *stress = points.stress(i, &law.with_inelastic(self.stress_state, tried.strain));
         }
@@ -281,12 +225,11 @@ impl Plasticity {
 
     /// Accepts the trial state; adds the work of the flow, J/m³, to `work`.
     pub fn settle(&mut self, work: &mut [f64]) {
+        let (settled, tried) = (self.states.settled(), self.states.tried());
         for (i, work) in work.iter_mut().enumerate() {
-            let flow = flow_stress(&self.flow[i], self.table.as_ref());
-            let equivalent = self.tried[i].equivalent;
-            *work += flow.at(equivalent) * (equivalent - self.settled[i].equivalent);
+            *work += self.law.work(i, &settled[i], &tried[i]);
         }
-        self.settled.copy_from_slice(&self.tried);
+        self.states.commit();
     }
 
     /// Turns the elastic strain of points at or above the annealing temperature into inelastic strain
@@ -300,27 +243,25 @@ impl Plasticity {
         let Some(limit) = self.annealing_temperature else {
             return;
         };
-        for (i, settled) in self.settled.iter_mut().enumerate() {
+        for (i, stress) in stress.iter().enumerate() {
             if temperature[i] < limit {
                 continue;
             }
-            let relieved = relieved_strain(self.stress_state, &stress[i], &moduli(i));
+            let relieved = relieved_strain(self.stress_state, stress, &moduli(i));
+            let settled = self.states.settled_mut(i);
             let strain = settled.strain.iter_mut().zip(relieved);
             strain.for_each(|(e, de)| *e += de);
             settled.equivalent = 0.0;
         }
     }
-}
 
-/// Resistance to flow of a point with a yield stress and a hardening modulus, Pa.
-fn flow_stress<'a>(
-    &[yield_stress, modulus]: &[f64; 2],
-    table: Option<&'a Table>,
-) -> FlowStress<'a> {
-    FlowStress {
-        yield_stress,
-        modulus,
-        table,
+    /// Takes all inelastic strain and hardening from a point with a stress (Pa); the sum of its elastic and inelastic
+    /// strain.
+    pub(super) fn reset(&mut self, point: usize, stress: &[f64; 6], moduli: &Moduli) -> [f64; 6] {
+        let mut strain = elastic_strain(self.stress_state, stress, moduli);
+        let settled = std::mem::take(self.states.settled_mut(point));
+        (0..6).for_each(|c| strain[c] += settled.strain[c]);
+        strain
     }
 }
 
@@ -337,7 +278,7 @@ mod tests {
         let hard = material("yield_stress = 500e6");
         let section: PlasticitySection = read(keys);
         let property = |m: &perimelt_core::material::Material, name: &str| m.get(name).cloned();
-        Plasticity {
+        let law = J2 {
             stress_state: StressState::Full,
             yield_stress: vec![
                 property(&soft, "yield_stress").expect("given"),
@@ -348,14 +289,10 @@ mod tests {
                 property(&hard, "hardening_modulus"),
             ],
             table: section.hardening.map(|h| h.table().expect("it rises")),
-            annealing_temperature: section.annealing_temperature,
             flow: vec![[0.0; 2]; 2],
             transformation: Vec::new(),
-            settled: vec![Inelastic::default(); 2],
-            tried: vec![Inelastic::default(); 2],
-            tangents: Vec::new(),
-            change: vec![[0.0; 6]; 2],
-        }
+        };
+        Plasticity::new(law, section.annealing_temperature, 2)
     }
 
     #[test]
@@ -373,8 +310,8 @@ mod tests {
         ] {
             let temperature = temperature.as_ref().map(|t| &t[..]);
             let given = given.as_ref().map(|g| &g[..]);
-            plasticity.set_temperature(&[0, 1], temperature, given);
-            assert_eq!(plasticity.flow, expected);
+            plasticity.law.set_temperature(&[0, 1], temperature, given);
+            assert_eq!(plasticity.law.flow, expected);
         }
     }
 
@@ -389,21 +326,19 @@ mod tests {
             (table, [350e6, 750e6]),
         ] {
             let mut plasticity = plasticity(keys);
-            plasticity.set_temperature(&[0, 1], None, None);
-            for tried in &mut plasticity.tried {
+            plasticity.law.set_temperature(&[0, 1], None, None);
+            let (_, tried) = plasticity.states.try_from_settled();
+            for tried in tried {
                 tried.equivalent = 0.05;
                 tried.strain[3] = 0.01;
             }
-            plasticity
-                .settled
-                .iter_mut()
-                .for_each(|s| s.equivalent = 0.03);
+            (0..2).for_each(|i| plasticity.states.settled_mut(i).equivalent = 0.03);
             let mut work = [1.0; 2];
             plasticity.settle(&mut work);
             for (work, flow) in work.iter().zip(flow) {
                 assert!((work - 1.0 - flow * 0.02).abs() < 1e-6, "{keys}: {work}");
             }
-            let settled = plasticity.settled[1];
+            let settled = plasticity.states.settled()[1];
             assert_eq!((settled.equivalent, settled.strain[3]), (0.05, 0.01));
         }
     }
@@ -427,12 +362,13 @@ mod tests {
             ("annealing_temperature = 1300", [false, true]),
         ] {
             let mut plasticity = plasticity(keys);
-            plasticity.settled.iter_mut().for_each(|s| {
-                s.equivalent = 0.1;
-                s.strain = [0.01; 6];
-            });
+            let hardened = Inelastic {
+                strain: [0.01; 6],
+                equivalent: 0.1,
+            };
+            plasticity.states.load([hardened; 2].into_iter());
             plasticity.anneal(&[1299.9, 1300.0], &stress, |_| moduli);
-            for (settled, anneals) in plasticity.settled.iter().zip(anneals) {
+            for (settled, anneals) in plasticity.states.settled().iter().zip(anneals) {
                 assert_eq!(settled.equivalent, if anneals { 0.0 } else { 0.1 });
                 for (found, relieved) in settled.strain.iter().zip(relieved) {
                     let expected = if anneals { 0.01 + relieved } else { 0.01 };
@@ -461,11 +397,29 @@ mod tests {
         }
     }
 
+    /// A trial state is accepted or given up as a whole.
+    #[test]
+    fn a_rejected_trial_leaves_the_settled_state() {
+        let mut plasticity = plasticity("");
+        let (_, tried) = plasticity.states.try_from_settled();
+        tried.iter_mut().for_each(|t| t.equivalent = 0.05);
+        plasticity.states.reject();
+        for states in [plasticity.states.settled(), plasticity.states.tried()] {
+            assert!(states.iter().all(|s| s.equivalent == 0.0));
+        }
+        let (_, tried) = plasticity.states.try_from_settled();
+        tried.iter_mut().for_each(|t| t.equivalent = 0.05);
+        plasticity.states.commit();
+        for states in [plasticity.states.settled(), plasticity.states.tried()] {
+            assert!(states.iter().all(|s| s.equivalent == 0.05));
+        }
+    }
+
     /// Three halves of the growth of the compliance.
     #[test]
     fn transformation_flows_by_three_halves_of_its_compliance() {
         let mut plasticity = plasticity("");
-        plasticity.set_transformation([2e-10, 0.0].into_iter());
-        assert_eq!(plasticity.transformation, [3e-10, 0.0]);
+        plasticity.law.set_transformation([2e-10, 0.0].into_iter());
+        assert_eq!(plasticity.law.transformation, [3e-10, 0.0]);
     }
 }

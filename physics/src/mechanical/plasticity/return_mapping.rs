@@ -263,11 +263,7 @@ pub(super) fn relieved_strain(state: StressState, stress: &[f64; 6], moduli: &Mo
 }
 
 /// Elastic strain of a stress (Pa); in plane stress, of the components in the plane.
-pub(in crate::mechanical) fn elastic_strain(
-    state: StressState,
-    stress: &[f64; 6],
-    moduli: &Moduli,
-) -> [f64; 6] {
+pub(super) fn elastic_strain(state: StressState, stress: &[f64; 6], moduli: &Moduli) -> [f64; 6] {
     let [xx, yy, zz, ..] = *stress;
     let shear = 2.0 * moduli.shear;
     let mut strain = stress.map(|s| s / shear);

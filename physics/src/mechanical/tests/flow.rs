@@ -131,7 +131,7 @@ fn the_tangent_of_a_flowing_body_is_the_derivative_of_its_forces() {
             run.load_plasticity(&world, None);
             let plasticity = run.solid.base_mut().plasticity().expect("it flows");
             if transformation > 0.0 {
-                plasticity.set_transformation(
+                plasticity.law.set_transformation(
                     world.body(0).points.position.iter().map(|_| transformation),
                 );
             }
