@@ -89,7 +89,7 @@ awk '/^```/ { first = /toml/; keep = 0; next }
 plotted tig_temperature.png "$tig" plate-temperature-4s.png --at 4 --celsius --section x=0.022
 plotted tig_melt_pool.png "$tig" plate-melt-pool.png --at 4 --celsius --section x=0.022
 
-# the command of docs/guide.md
+# the command of docs/guide/melting.md
 if wanted cooling_time_transition.svg; then
   "$perimelt" sweep cases/verification/cooling-time-plate.toml --out "$work/cooling-time" --set 'time.end=[8]' \
     --set 'bodies.plate.shape.box.min=[[0, -0.02, -0.008]]' \

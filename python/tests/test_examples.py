@@ -15,7 +15,8 @@ REPOSITORY = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(
-    ("document", "section", "count"), [("python/README.md", "", 3), ("docs/guide.md", "Python", 1)]
+    ("document", "section", "count"),
+    [("python/README.md", "", 3), ("docs/guide/logs_and_pictures.md", "Python", 1)],
 )
 def test_examples_run(
     document: str,
