@@ -3,7 +3,7 @@
 //!
 //! [`check`] has the tables of case files, `measured_run` runs a case and takes the values by [`measurement`], `audit`
 //! checks balances and convergence of every run, [`table`] compares and prints. [`results`] keeps the outcomes in a file, from
-//! which [`report`] makes the tables of `docs/benchmarks.md`, and [`marks`] figures in the text of documents.
+//! which [`report`] makes `docs/benchmarks.md` and a page of each [`topic`], and [`marks`] figures in the text of documents.
 //!
 //! Mistakes that can be found before the first run end the command. A later failure of one case makes
 //! the checks of that case fail, with the reason, and no others.
@@ -19,6 +19,7 @@ pub mod measurement;
 pub mod report;
 pub mod results;
 pub mod table;
+pub mod topic;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -32,6 +33,7 @@ use crate::case::{Case, CaseError};
 use crate::unit::duration;
 use check::{Check, Level};
 use measured_run::{MeasuredRun, run_side_by_side};
+use report::Report;
 use results::{Results, Session};
 use table::{Outcome, OutcomeTable};
 
@@ -59,8 +61,8 @@ pub struct VerifyArgs {
     /// Runs nothing: prints the results of such a file as tables in Markdown
     #[arg(long, value_name = "FILE", conflicts_with_all = ["full", "level", "output", "threads"])]
     pub report: Option<PathBuf>,
-    /// With `--report`: renews the tables and figures of this document, between the comments that mark them; may be given
-    /// several times
+    /// With `--report`: renews the figures of this document between the comments that mark them, the overview where it has
+    /// one, and the pages of the topics in the folder of its name; may be given several times
     #[arg(long, value_name = "DOCUMENT", requires = "report")]
     pub into: Vec<PathBuf>,
     /// Writes the results as a page with plots into this folder
@@ -177,12 +179,12 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
         if let Some(folder) = &args.html {
             return Ok(html::write(folder, &results, cases)?);
         }
-        let tables = report::tables(&results, cases)?;
         if args.into.is_empty() {
-            return Ok(write!(std::io::stdout(), "{tables}")?);
+            let report = Report::new(&results, cases, "benchmarks")?;
+            return Ok(write!(std::io::stdout(), "{report}")?);
         }
         for document in &args.into {
-            report::renew(document, &tables, &results)?;
+            report::renew(document, &results, cases)?;
         }
         return Ok(());
     }

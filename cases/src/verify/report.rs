@@ -1,12 +1,13 @@
-//! The tables of `docs/benchmarks.md`, from a file of results.
+//! The overview of `docs/benchmarks.md` and the pages of `docs/benchmarks/`, from a file of results.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
+use std::fmt::{self, Write};
 use std::path::Path;
 
 use super::check::{Check, Level};
 use super::results::{Recorded, Results, Session, file_error};
-use super::table::{HEADINGS, number};
+use super::table::{HEADINGS, Outcome, number};
+use super::topic::Topic;
 use super::{VerifyError, marks};
 use crate::case::Case;
 
@@ -16,51 +17,149 @@ pub const BEGIN: &str = "<!-- tables of `perimelt verify --report`; do not edit 
 /// Line of a document below its tables.
 pub const END: &str = "<!-- end of the tables -->";
 
-/// Sessions, checks that failed, and one table of all checks in Markdown. Checks of `cases` without a result are
-/// listed as not run.
-///
-/// # Errors
-/// A mistake in a check of a case.
-pub fn tables(results: &Results, cases: &[(String, Case)]) -> Result<String, VerifyError> {
-    let mut text = String::new();
-    let mut by_case: BTreeMap<&str, Vec<&Recorded>> = BTreeMap::new();
-    for check in &results.checks {
-        by_case.entry(&check.outcome.case).or_default().push(check);
+/// Contents of a report: an overview for a document, and a page of each topic.
+#[derive(Debug)]
+pub struct Report {
+    /// Sessions, numbers of checks by topic, and the checks that failed, in Markdown.
+    pub overview: String,
+    /// Topics and the pages with all their checks.
+    pub pages: Vec<(Topic, String)>,
+}
+
+impl Report {
+    /// Makes the report of the results. Checks of `cases` without a result are listed as not run. `folder` is the
+    /// folder of the pages as seen from the overview.
+    ///
+    /// # Errors
+    /// A mistake in a check of a case.
+    pub fn new(
+        results: &Results,
+        cases: &[(String, Case)],
+        folder: &str,
+    ) -> Result<Report, VerifyError> {
+        let mut by_case: BTreeMap<&str, Vec<&Recorded>> = BTreeMap::new();
+        for check in &results.checks {
+            by_case.entry(&check.outcome.case).or_default().push(check);
+        }
+        let mut by_topic: BTreeMap<Topic, Vec<CaseResults<'_>>> = BTreeMap::new();
+        for (name, case) in cases {
+            let recorded = by_case.remove(name.as_str()).unwrap_or_default();
+            let entry = CaseResults::new(name, case, recorded)?;
+            by_topic.entry(Topic::of(case)).or_default().push(entry);
+        }
+        let mut overview = String::new();
+        sessions(&mut overview, results);
+        topics(&mut overview, &by_topic, folder);
+        failures(&mut overview, results);
+        let pages = by_topic.iter().map(|(&topic, cases)| {
+            let mut text = format!("# Benchmarks: {}\n\n{BEGIN}\n\n", topic.title());
+            heading(&mut text);
+            cases.iter().for_each(|case| case.write(&mut text));
+            (topic, text + "\n" + END + "\n")
+        });
+        let pages = pages.collect();
+        Ok(Report { overview, pages })
     }
-    sessions(&mut text, results);
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.overview)?;
+        self.pages
+            .iter()
+            .try_for_each(|(_, page)| write!(f, "\n{page}"))
+    }
+}
+
+/// Results of a case, and the checks that were not run.
+struct CaseResults<'a> {
+    name: &'a str,
+    recorded: Vec<&'a Recorded>,
+    missing: Vec<Check>,
+}
+
+impl<'a> CaseResults<'a> {
+    fn new(
+        name: &'a str,
+        case: &Case,
+        recorded: Vec<&'a Recorded>,
+    ) -> Result<CaseResults<'a>, VerifyError> {
+        let mut missing: Vec<Check> = case.verify_entries()?;
+        missing.retain(|c| !recorded.iter().any(|r| r.outcome.quantity == c.quantity));
+        Ok(CaseResults {
+            name,
+            recorded,
+            missing,
+        })
+    }
+
+    /// Rows of the case in the table of its topic.
+    fn write(&self, text: &mut String) {
+        rows(text, self.name, &self.recorded);
+        if self.missing.is_empty() {
+            return;
+        }
+        let nightly = self.missing.iter().filter(|c| c.level == Level::Nightly);
+        let (count, nightly) = (self.missing.len(), nightly.count());
+        let name = if self.recorded.is_empty() {
+            format!("`{}`", self.name)
+        } else {
+            String::new()
+        };
+        let _ = writeln!(
+            text,
+            "| {name} | {count} checks, {nightly} nightly | not run | | | | | |"
+        );
+    }
+}
+
+/// A row for each topic: numbers of cases and checks, and the largest ratio of an error to its limit among the checks
+/// that passed.
+fn topics(text: &mut String, by_topic: &BTreeMap<Topic, Vec<CaseResults<'_>>>, folder: &str) {
+    let headings =
+        "| topic | cases | checks | failed | not run | largest error / limit | of the check |";
+    let _ = writeln!(text, "\n{headings}\n|{}", "---|".repeat(7));
+    for (topic, cases) in by_topic {
+        let checks: Vec<&Outcome> = cases
+            .iter()
+            .flat_map(|case| case.recorded.iter().map(|c| &c.outcome))
+            .collect();
+        let failed = checks.iter().filter(|o| !o.passed).count();
+        let missing: usize = cases.iter().map(|case| case.missing.len()).sum();
+        let ratios = checks.iter().filter(|o| o.passed);
+        let ratios = ratios.filter_map(|o| Some((o.ratio_to_limit()?, *o)));
+        let worst = ratios.max_by(|(a, _), (b, _)| a.total_cmp(b));
+        let (ratio, check) = worst.map_or_else(Default::default, |(ratio, o)| {
+            let ratio = perimelt_core::text::number(ratio, 3);
+            (ratio, format!("`{}`: {}", o.case, o.quantity))
+        });
+        let (title, file) = (topic.title(), topic.file());
+        let _ = writeln!(
+            text,
+            "| [{title}]({folder}/{file}) | {} | {} | {failed} | {missing} | {ratio} | {check} |",
+            cases.len(),
+            checks.len(),
+        );
+    }
+}
+
+/// The checks that failed.
+fn failures(text: &mut String, results: &Results) {
     let failed: Vec<&Recorded> = results
         .checks
         .iter()
         .filter(|c| !c.outcome.passed)
         .collect();
-    let _ = writeln!(
-        text,
-        "\n{} of {} checks failed.\n",
-        failed.len(),
-        results.checks.len()
-    );
-    heading(&mut text);
-    for (name, case) in cases {
-        let recorded = by_case.get(name.as_str()).map_or(&[][..], |c| c);
-        rows(&mut text, name, recorded);
-        let checks: Vec<Check> = case.verify_entries()?;
-        let is_recorded = |c: &Check| recorded.iter().any(|r| r.outcome.quantity == c.quantity);
-        let missing: Vec<&Check> = checks.iter().filter(|c| !is_recorded(c)).collect();
-        if !missing.is_empty() {
-            let nightly = missing.iter().filter(|c| c.level == Level::Nightly).count();
-            let name = if recorded.is_empty() {
-                format!("`{name}`")
-            } else {
-                String::new()
-            };
-            let count = missing.len();
-            let _ = writeln!(
-                text,
-                "| {name} | {count} checks, {nightly} nightly | not run | | | | | |"
-            );
-        }
+    let all = results.checks.len();
+    let _ = writeln!(text, "\n{} of {all} checks failed.", failed.len());
+    if failed.is_empty() {
+        return;
     }
-    Ok(text)
+    text.push('\n');
+    heading(text);
+    for check in failed {
+        rows(text, &check.outcome.case, &[check]);
+    }
 }
 
 fn sessions(text: &mut String, results: &Results) {
@@ -130,22 +229,46 @@ fn rounded(seconds: f64) -> f64 {
     (seconds / unit).round() * unit
 }
 
-/// Replaces the tables of a document and the figures of its text that are results.
+/// Renews the figures of a document that are results. A document with marks of tables gets the overview between them, and
+/// the pages of the topics in the folder of its name.
 ///
 /// # Errors
-/// It cannot be read or written, has neither, or a figure has no result.
-pub fn renew(document: &Path, tables: &str, results: &Results) -> Result<(), VerifyError> {
+/// A mistake in a check of a case. A file cannot be read or written. The document has neither marks of tables nor figures,
+/// or a figure has no result.
+pub fn renew(
+    document: &Path,
+    results: &Results,
+    cases: &[(String, Case)],
+) -> Result<(), VerifyError> {
     let path = || document.into();
-    let text = std::fs::read_to_string(document)
+    let unwritable =
+        |path: &Path, e: std::io::Error| file_error(path, "cannot be written", e.into());
+    let mut text = std::fs::read_to_string(document)
         .map_err(|e| file_error(document, "cannot be read", e.into()))?;
-    let renewed = with_tables(&text, tables);
+    let folder = document.with_extension("");
+    let report = Report::new(results, cases, &name(&folder))?;
+    let renewed = with_tables(&text, &report.overview);
     let has_tables = renewed.is_some();
-    let (text, figures) = marks::renew(renewed.as_ref().unwrap_or(&text), results)
-        .map_err(|mark| VerifyError::Mark { path: path(), mark })?;
+    if let Some(renewed) = renewed {
+        text = renewed;
+        std::fs::create_dir_all(&folder).map_err(|e| unwritable(&folder, e))?;
+        for (topic, page) in &report.pages {
+            let path = folder.join(topic.file());
+            std::fs::write(&path, page).map_err(|e| unwritable(&path, e))?;
+        }
+    }
+    let (text, figures) =
+        marks::renew(&text, results).map_err(|mark| VerifyError::Mark { path: path(), mark })?;
     if !has_tables && figures == 0 {
         return Err(VerifyError::NoMarks { path: path() });
     }
-    std::fs::write(document, text).map_err(|e| file_error(document, "cannot be written", e.into()))
+    std::fs::write(document, text).map_err(|e| unwritable(document, e))
+}
+
+/// Name of a folder.
+fn name(folder: &Path) -> String {
+    let name = folder.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
 }
 
 fn with_tables(text: &str, tables: &str) -> Option<String> {
@@ -166,6 +289,33 @@ mod tests {
         assert_eq!(renewed, format!("before\n{BEGIN}\n\nnew\n{END}\nafter"));
         assert_eq!(with_tables(&renewed, "new"), Some(renewed.clone()));
         assert_eq!(with_tables("no marks", "new"), None);
+    }
+
+    /// `perimelt verify --report docs/benchmarks.json --into docs/benchmarks.md` writes them.
+    #[test]
+    fn pages_of_the_documents_are_made_from_the_results() {
+        let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+        let results = Results::read(&docs.join("benchmarks.json")).expect("results");
+        let benchmarks = super::super::benchmarks::load(None).expect("valid cases");
+        let report = Report::new(&results, &benchmarks.cases, "benchmarks").expect("a report");
+        let read = |path: &str| std::fs::read_to_string(docs.join(path)).expect("a page");
+        assert!(
+            read("benchmarks.md").contains(&report.overview),
+            "the overview of docs/benchmarks.md is old"
+        );
+        let mut all = String::new();
+        for (topic, page) in &report.pages {
+            let path = format!("benchmarks/{}", topic.file());
+            assert!(read(&path) == *page, "docs/{path} is old");
+            all += page;
+        }
+        for Recorded { outcome, .. } in &results.checks {
+            assert!(
+                all.contains(&format!("| `{}` |", outcome.case)),
+                "no page has the results of `{}`",
+                outcome.case
+            );
+        }
     }
 
     #[test]

@@ -165,6 +165,24 @@ impl Outcome {
         }
     }
 
+    /// Error over its limit, or the inverse where the error must be larger; `None` without a limit or an error.
+    pub fn ratio_to_limit(&self) -> Option<f64> {
+        let ratio = match self.limit {
+            _ if self.error == 0.0 => 0.0,
+            Limit::Absolute(limit)
+            | Limit::Relative(limit)
+            | Limit::FractionOfPeak(limit)
+            | Limit::Rms(limit)
+            | Limit::MeanRelative(limit) => self.error / limit,
+            Limit::RmsAbove(least)
+            | Limit::MeanRelativeAbove(least)
+            | Limit::FractionOfPeakAbove(least) => least / self.error,
+            Limit::Between([low, high]) => self.error / (0.5 * (high - low)),
+            Limit::Recorded => return None,
+        };
+        ratio.is_finite().then_some(ratio)
+    }
+
     /// Cells of a table.
     pub(super) fn cells(&self) -> [String; 7] {
         let percent = |value: f64| format!("{} %", number(100.0 * value));
@@ -312,6 +330,29 @@ mod tests {
         assert_eq!((relative.measured, relative.passed), (1.1, true));
         let peak = Outcome::new("case", &check("fraction_of_peak = 0.029"), &values);
         assert_eq!((peak.measured, peak.passed), (-10.3, false));
+    }
+
+    #[test]
+    fn a_ratio_to_the_limit_exceeds_one_where_a_check_fails() {
+        let values = [1.3, -10.4, 4.0];
+        for limit in [
+            "absolute = 0.5",
+            "absolute = 0.3",
+            "relative = 0.29",
+            "fraction_of_peak = 0.05",
+            "rms = 0.03",
+            "rms = 0.028",
+            "rms_above = 0.028",
+            "rms_above = 0.03",
+            "between = [-11, 2]",
+        ] {
+            let outcome = Outcome::new("case", &check(limit), &values);
+            let ratio = outcome.ratio_to_limit().expect("a ratio");
+            assert_eq!(ratio <= 1.0, outcome.passed, "{limit}: {ratio}");
+        }
+        let recorded = Outcome::new("case", &check("absolute = 0.5"), &values);
+        let limit = Limit::Recorded;
+        assert_eq!(Outcome { limit, ..recorded }.ratio_to_limit(), None);
     }
 
     #[test]
