@@ -20,6 +20,7 @@ pub mod cell_list;
 pub mod error;
 pub mod family;
 pub mod field;
+pub mod flattened;
 pub mod folder;
 pub mod formula;
 pub mod in_space;

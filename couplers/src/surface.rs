@@ -6,11 +6,34 @@ use std::rc::Rc;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::exchange::{Exchange, FreeFaces, SurfaceDepth, SurfaceLaw};
-use perimelt_core::{ActivityChanges, Change, Face, Report, Setup, SetupError, World};
+use perimelt_core::{ActivityChanges, Change, Face, Report, Setup, SetupError, World, shared_keys};
 
 /// All faces, the default of boundaries that act on the whole surface.
 pub(crate) fn all_faces() -> Vec<Face> {
     Face::ALL.to_vec()
+}
+
+shared_keys! {
+    /// The body on which a coupler acts.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct OnBody {
+        /// Body; may be left out when there is one only.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub body: Option<String>,
+    }
+}
+
+shared_keys! {
+    /// The part of the surface of a body on which a boundary acts.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct OnSurface {
+        /// Body; may be left out when there is one only.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub body: Option<String>,
+        /// Region that limits the surface.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub region: Option<String>,
+    }
 }
 
 /// Cell faces of `body` without material in front of them whose outward direction is one of `faces`; with a region,

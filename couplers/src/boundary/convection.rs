@@ -12,37 +12,31 @@ use perimelt_core::world::BodyIndex;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
     Coupler, Face, Programme, Report, RunError, RunningCoupler, Setup, SetupError, Step,
-    StepLimits, World,
+    StepLimits, World, flattened,
 };
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use super::with_programme;
 use crate::InTime;
-use crate::surface::{SurfaceHeat, all_faces};
+use crate::surface::{OnSurface, SurfaceHeat, all_faces};
 
-/// Heat exchange with a fluid around the body.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Convection {
-    /// Body; may be left out when there is one only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub body: Option<String>,
-    /// Outward directions of the cooled surface; default all.
-    #[serde(default = "all_faces")]
-    pub faces: Vec<Face>,
-    /// Region that limits the cooled surface.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub region: Option<String>,
-    /// Heat transfer coefficient (W/(m² K)): a number, or `{ temperature = [...], value = [...] }`
-    /// with the temperature of the surface in K.
-    pub coefficient: Property,
-    /// What the coefficient is multiplied by, from 0 to 1: a formula in the position x, y, z (m) of a surface point and the
-    /// time t (s), such as `"exp(-((x - 0.1 * t) / 0.02)^2)"`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub factor: Option<Formula>,
-    /// Temperature of the fluid (K): a number, or `{ time = [...], value = [...] }`, times in s.
-    pub ambient: InTime,
+flattened! {
+    /// Heat exchange with a fluid around the body.
+    #[derive(Debug)]
+    pub struct Convection {
+        ..place: OnSurface,
+        /// Outward directions of the cooled surface; default all.
+        #[serde(default = "all_faces")]
+        pub faces: Vec<Face>,
+        /// Heat transfer coefficient (W/(m² K)): a number, or `{ temperature = [...], value = [...] }`
+        /// with the temperature of the surface in K.
+        pub coefficient: Property,
+        /// What the coefficient is multiplied by, from 0 to 1: a formula in the position x, y, z (m) of a surface point and the
+        /// time t (s), such as `"exp(-((x - 0.1 * t) / 0.02)^2)"`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub factor: Option<Formula>,
+        /// Temperature of the fluid (K): a number, or `{ time = [...], value = [...] }`, times in s.
+        pub ambient: InTime,
+    }
 }
 
 /// Expected value of a factor, for messages.
@@ -104,7 +98,7 @@ impl Coupler for Convection {
         self: Box<Self>,
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        let body = setup.find_body(self.body.as_deref())?;
+        let body = setup.find_body(self.place.body.as_deref())?;
         let coefficients = self.coefficient.values();
         if self.coefficient.is_by_phase() || coefficients.iter().any(|h| *h < 0.0) {
             return Err(SetupError::value(
@@ -119,7 +113,7 @@ impl Coupler for Convection {
             ambient: self.ambient.at(0.0),
             factor: Vec::new(),
         };
-        let region = self.region.as_deref();
+        let region = self.place.region.as_deref();
         let heat = SurfaceHeat::prepare(setup, body, &self.faces, region, law)?;
         if let Some(factor) = &self.factor {
             let positions = &setup.body(body).points.position;

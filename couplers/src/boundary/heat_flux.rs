@@ -4,29 +4,23 @@
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
     Coupler, Face, Programme, Report, RunError, RunningCoupler, Setup, SetupError, Step,
-    StepLimits, World,
+    StepLimits, World, flattened,
 };
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use super::with_programme;
 use crate::InTime;
-use crate::surface::SurfaceHeat;
+use crate::surface::{OnSurface, SurfaceHeat};
 
-/// Heat through the surface at a given rate.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct HeatFlux {
-    /// Body; may be left out when there is one only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub body: Option<String>,
-    /// Outward directions of the heated surface, such as `["z+"]`.
-    pub faces: Vec<Face>,
-    /// Region that limits the heated surface.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub region: Option<String>,
-    /// Flux into the body (W/m²): a number, or `{ time = [...], value = [...] }`, times in s.
-    pub flux: InTime,
+flattened! {
+    /// Heat through the surface at a given rate.
+    #[derive(Debug)]
+    pub struct HeatFlux {
+        ..place: OnSurface,
+        /// Outward directions of the heated surface, such as `["z+"]`.
+        pub faces: Vec<Face>,
+        /// Flux into the body (W/m²): a number, or `{ time = [...], value = [...] }`, times in s.
+        pub flux: InTime,
+    }
 }
 
 /// A heat flux that is ready to act.
@@ -62,8 +56,8 @@ impl Coupler for HeatFlux {
         self: Box<Self>,
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        let body = setup.find_body(self.body.as_deref())?;
-        let region = self.region.as_deref();
+        let body = setup.find_body(self.place.body.as_deref())?;
+        let region = self.place.region.as_deref();
         let law = PrescribedFlux(self.flux.at(0.0));
         let heat = SurfaceHeat::prepare(setup, body, &self.faces, region, law)?;
         let programme = Programme::of_values([("flux", &self.flux)]);

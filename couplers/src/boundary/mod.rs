@@ -39,6 +39,7 @@ pub use water_jet::WaterJet;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
     Face, Programme, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World,
+    shared_keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -89,27 +90,40 @@ enum BoundaryLocation {
     Points(Vec<u32>),
 }
 
-/// The location given by either `face` or `region`.
-fn location(
-    setup: &Setup<'_>,
-    body: BodyIndex,
-    face: Option<Face>,
-    region: Option<&str>,
-) -> Result<BoundaryLocation, SetupError> {
-    match (face, region) {
-        (Some(face), None) => Ok(BoundaryLocation::Face(face)),
-        (None, Some(name)) => Ok(BoundaryLocation::Points(
-            setup.region(body, "region", name)?.points,
-        )),
-        (Some(_), Some(_)) => Err(SetupError::value(
-            "region",
-            "both `face` and `region` are given",
-            "one of the two",
-        )),
-        (None, None) => Err(SetupError::value(
-            "face",
-            "neither `face` nor `region` is given",
-            "`face`, such as \"x-\", or `region`",
-        )),
+shared_keys! {
+    /// The place at which a value is prescribed.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct HeldPlace {
+        /// Body; may be left out when there is one only.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub body: Option<String>,
+        /// Face of the body's box, such as `"x-"`; or give `region`.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub face: Option<Face>,
+        /// Region whose points are held; or give `face`.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub region: Option<String>,
+    }
+}
+
+impl HeldPlace {
+    /// The location given by either `face` or `region`.
+    fn location(&self, setup: &Setup<'_>, body: BodyIndex) -> Result<BoundaryLocation, SetupError> {
+        match (self.face, self.region.as_deref()) {
+            (Some(face), None) => Ok(BoundaryLocation::Face(face)),
+            (None, Some(name)) => Ok(BoundaryLocation::Points(
+                setup.region(body, "region", name)?.points,
+            )),
+            (Some(_), Some(_)) => Err(SetupError::value(
+                "region",
+                "both `face` and `region` are given",
+                "one of the two",
+            )),
+            (None, None) => Err(SetupError::value(
+                "face",
+                "neither `face` nor `region` is given",
+                "`face`, such as \"x-\", or `region`",
+            )),
+        }
     }
 }

@@ -10,41 +10,32 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::in_space::{Placed, PlacedError};
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, InSpace, LayerRole, Programme, RunError, RunningCoupler, Setup, SetupError,
-    Step, StepLimits, World, Write, keys,
+    Coupler, InSpace, LayerRole, Programme, RunError, RunningCoupler, Setup, SetupError, Step,
+    StepLimits, World, Write, flattened, keys,
 };
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use super::{BoundaryLocation, LayerKind, location, with_programme};
+use super::{BoundaryLocation, HeldPlace, LayerKind, with_programme};
 use crate::in_time::earlier;
 
-/// Displacement of a face or of the points of a region; components left out are free.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PrescribedDisplacement {
-    /// Body; may be left out when there is one only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub body: Option<String>,
-    /// Face of the body's box, such as `"x-"`; or give `region`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub face: Option<Face>,
-    /// Region whose points are held; or give `face`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub region: Option<String>,
-    /// Displacement along x (m): a number, `{ time = [...], value = [...] }` with times in s, or a formula in t (s); of a region
-    /// also a formula in x, y, z (m) and t (s), or files.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub x: Option<InSpace>,
-    /// Displacement along y (m).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub y: Option<InSpace>,
-    /// Displacement along z (m).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub z: Option<InSpace>,
-    /// Values in the layer behind a face; default `mirrored`.
-    #[serde(default)]
-    pub layer: LayerKind,
+flattened! {
+    /// Displacement of a face or of the points of a region; components left out are free.
+    #[derive(Debug)]
+    pub struct PrescribedDisplacement {
+        ..place: HeldPlace,
+        /// Displacement along x (m): a number, `{ time = [...], value = [...] }` with times in s, or a formula in t (s); of a region
+        /// also a formula in x, y, z (m) and t (s), or files.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub x: Option<InSpace>,
+        /// Displacement along y (m).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub y: Option<InSpace>,
+        /// Displacement along z (m).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub z: Option<InSpace>,
+        /// Values in the layer behind a face; default `mirrored`.
+        #[serde(default)]
+        pub layer: LayerKind,
+    }
 }
 
 /// A prescribed displacement that is ready to act.
@@ -78,7 +69,7 @@ impl Coupler for PrescribedDisplacement {
         self: Box<Self>,
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        let body = setup.find_body(self.body.as_deref())?;
+        let body = setup.find_body(self.place.body.as_deref())?;
         let dimension = setup.body(body).dimension;
         let given = self.components().map(|c| c.is_some());
         if given == [false; 3] {
@@ -99,7 +90,7 @@ impl Coupler for PrescribedDisplacement {
             ));
         }
         let mut positions = vec![Vector3::zeros()];
-        let sink = match location(setup, body, self.face, self.region.as_deref())? {
+        let sink = match self.place.location(setup, body)? {
             BoundaryLocation::Face(face) => {
                 let by_place = |c: &Option<&InSpace>| c.is_some_and(|c| c.uniform().is_none());
                 if let Some(axis) = self.components().iter().position(by_place) {

@@ -11,32 +11,23 @@ use nalgebra::Vector3;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
     Body, Coupler, Face, InSpace, LayerRole, Placed, Programme, RunError, RunningCoupler, Setup,
-    SetupError, Step, StepLimits, World, Write, keys,
+    SetupError, Step, StepLimits, World, Write, flattened, keys,
 };
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use super::{BoundaryLocation, LayerKind, location, with_programme};
+use super::{BoundaryLocation, HeldPlace, LayerKind, with_programme};
 
-/// Temperature of a face or of the points of a region.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PrescribedTemperature {
-    /// Body; may be left out when there is one only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub body: Option<String>,
-    /// Face of the body's box, such as `"x-"`; or give `region`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub face: Option<Face>,
-    /// Region whose points are held; or give `face`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub region: Option<String>,
-    /// Temperature (K): a number, `{ time = [...], value = [...] }` with times in s, a formula in x, y, z (m) and t (s), or files of
-    /// a measurement or another program.
-    pub value: InSpace,
-    /// Values in the layer behind a face; default `mirrored`.
-    #[serde(default)]
-    pub layer: LayerKind,
+flattened! {
+    /// Temperature of a face or of the points of a region.
+    #[derive(Debug)]
+    pub struct PrescribedTemperature {
+        ..place: HeldPlace,
+        /// Temperature (K): a number, `{ time = [...], value = [...] }` with times in s, a formula in x, y, z (m) and t (s), or files of
+        /// a measurement or another program.
+        pub value: InSpace,
+        /// Values in the layer behind a face; default `mirrored`.
+        #[serde(default)]
+        pub layer: LayerKind,
+    }
 }
 
 /// A prescribed temperature that is ready to act.
@@ -98,9 +89,9 @@ impl Coupler for PrescribedTemperature {
         self: Box<Self>,
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        let body = setup.find_body(self.body.as_deref())?;
+        let body = setup.find_body(self.place.body.as_deref())?;
         let field = (body, "temperature");
-        let sink = match location(setup, body, self.face, self.region.as_deref())? {
+        let sink = match self.place.location(setup, body)? {
             BoundaryLocation::Face(face) if self.value.uniform().is_some() => {
                 let centre = vec![Vector3::zeros()];
                 let value = setup.placed(field, "value", &self.value, centre)?;

@@ -8,38 +8,32 @@ use perimelt_core::material::Property;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
     Coupler, Face, Programme, Report, RunError, RunningCoupler, Setup, SetupError, Step,
-    StepLimits, World,
+    StepLimits, World, flattened,
 };
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use super::with_programme;
 use crate::InTime;
-use crate::surface::{SurfaceHeat, all_faces};
+use crate::surface::{OnSurface, SurfaceHeat, all_faces};
 
 /// Stefan-Boltzmann constant, W/(m² K⁴).
 pub const STEFAN_BOLTZMANN: f64 = 5.670_374_419e-8;
 
-/// Heat radiated to the surroundings; needs `emissivity` here or in the material.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Radiation {
-    /// Body; may be left out when there is one only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub body: Option<String>,
-    /// Outward directions of the radiating surface; default all.
-    #[serde(default = "all_faces")]
-    pub faces: Vec<Face>,
-    /// Region that limits the radiating surface.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub region: Option<String>,
-    /// Emissivity, 0 to 1: a number, or `{ temperature = [...], value = [...] }`; default that
-    /// of the material.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub emissivity: Option<Property>,
-    /// Temperature of the surroundings (K): a number, or `{ time = [...], value = [...] }`,
-    /// times in s.
-    pub ambient: InTime,
+flattened! {
+    /// Heat radiated to the surroundings; needs `emissivity` here or in the material.
+    #[derive(Debug)]
+    pub struct Radiation {
+        ..place: OnSurface,
+        /// Outward directions of the radiating surface; default all.
+        #[serde(default = "all_faces")]
+        pub faces: Vec<Face>,
+        /// Emissivity, 0 to 1: a number, or `{ temperature = [...], value = [...] }`; default that
+        /// of the material.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub emissivity: Option<Property>,
+        /// Temperature of the surroundings (K): a number, or `{ time = [...], value = [...] }`,
+        /// times in s.
+        pub ambient: InTime,
+    }
 }
 
 /// A radiation that is ready to act.
@@ -89,7 +83,7 @@ impl Coupler for Radiation {
         self: Box<Self>,
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        let body = setup.find_body(self.body.as_deref())?;
+        let body = setup.find_body(self.place.body.as_deref())?;
         let emissivity = match self.emissivity {
             Some(given) => vec![given; setup.body(body).materials.len()],
             None => setup.world().property(body, "emissivity")?,
@@ -119,7 +113,7 @@ impl Coupler for Radiation {
             ambient: self.ambient.at(0.0),
             highest_ambient: ambients.iter().copied().fold(0.0, f64::max),
         };
-        let region = self.region.as_deref();
+        let region = self.place.region.as_deref();
         let heat = SurfaceHeat::prepare(setup, body, &self.faces, region, law)?;
         let programme = Programme::of_values([("ambient", &self.ambient)]);
         setup.stepping(with_programme(programme));

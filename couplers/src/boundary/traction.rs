@@ -16,7 +16,7 @@ use perimelt_core::world::LayerHandle;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::{
     Coupler, Face, InSpace, LayerRole, Placed, Programme, Report, RunError, RunningCoupler, Setup,
-    SetupError, Step, StepLimits, World, Write, keys,
+    SetupError, Step, StepLimits, World, Write, flattened, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -24,34 +24,30 @@ use serde::{Deserialize, Serialize};
 use super::with_programme;
 use crate::InTime;
 use crate::in_time::earlier;
-use crate::surface::select;
+use crate::surface::{OnSurface, select};
 
-/// Force on the surface: give `traction` or `pressure`.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Traction {
-    /// Body; may be left out when there is one only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub body: Option<String>,
-    /// Outward directions of the loaded surface, such as `["x+"]`.
-    pub faces: Vec<Face>,
-    /// Region that limits the loaded surface.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub region: Option<String>,
-    /// Force per area (Pa), by component.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub traction: Option<[f64; 3]>,
-    /// Pressure (Pa), against the outward normal: a number, or a formula in the reference position x, y, z (m) and the
-    /// time t (s), such as `"9800 * (0.14 - y)"` (not with `by = "layer"`).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pressure: Option<InSpace>,
-    /// As force on points, or by a layer behind the face.
-    #[serde(default)]
-    pub by: By,
-    /// Factor on the load: a number, or `{ time = [...], value = [...] }`, times in s;
-    /// default 1.
-    #[serde(default = "constant")]
-    pub factor: InTime,
+flattened! {
+    /// Force on the surface: give `traction` or `pressure`.
+    #[derive(Debug)]
+    pub struct Traction {
+        ..place: OnSurface,
+        /// Outward directions of the loaded surface, such as `["x+"]`.
+        pub faces: Vec<Face>,
+        /// Force per area (Pa), by component.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub traction: Option<[f64; 3]>,
+        /// Pressure (Pa), against the outward normal: a number, or a formula in the reference position x, y, z (m) and the
+        /// time t (s), such as `"9800 * (0.14 - y)"` (not with `by = "layer"`).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub pressure: Option<InSpace>,
+        /// As force on points, or by a layer behind the face.
+        #[serde(default)]
+        pub by: By,
+        /// Factor on the load: a number, or `{ time = [...], value = [...] }`, times in s;
+        /// default 1.
+        #[serde(default = "constant")]
+        pub factor: InTime,
+    }
 }
 
 /// Where a traction acts.
@@ -137,7 +133,7 @@ impl Traction {
             let expected = "a number, or `by = \"body_force\"`";
             return Err(SetupError::value("pressure", message, expected));
         }
-        if self.region.is_some() {
+        if self.place.region.is_some() {
             let message = "`by = \"layer\"` loads whole faces";
             return Err(SetupError::value("region", message, "no `region`"));
         }
@@ -171,8 +167,8 @@ impl Coupler for Traction {
         self: Box<Self>,
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        let body = setup.find_body(self.body.as_deref())?;
-        let cells = select(setup, body, &self.faces, self.region.as_deref())?;
+        let body = setup.find_body(self.place.body.as_deref())?;
+        let cells = select(setup, body, &self.faces, self.place.region.as_deref())?;
         let load = match (self.traction, &self.pressure) {
             (Some(traction), None) => Load::Traction(traction.into()),
             (None, Some(pressure)) => {

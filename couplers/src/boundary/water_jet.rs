@@ -23,49 +23,44 @@ use nalgebra::Vector3;
 use perimelt_core::material::Property;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
-    Coupler, Face, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step, World, keys,
+    Coupler, Face, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step, World,
+    flattened, keys,
 };
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use crate::surface::SurfaceHeat;
+use crate::surface::{OnSurface, SurfaceHeat};
 
-/// Heat that a moving water jet and its film take from a surface.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct WaterJet {
-    /// Body; may be left out when there is one only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub body: Option<String>,
-    /// Outward directions of the cooled surface; a 2D body is cooled through its plane when left out.
-    #[serde(default)]
-    pub faces: Vec<Face>,
-    /// Region that limits the cooled surface.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub region: Option<String>,
-    /// Direction in which the water runs off, such as `"x+"`.
-    pub flow: Face,
-    /// Coordinate along the flow of the upstream edge of the jet at time 0 (m).
-    pub start: f64,
-    /// Speed of the jet along that axis (m/s), negative towards smaller coordinates.
-    #[serde(default)]
-    pub speed: f64,
-    /// Length of the zone that the jet hits (m).
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub impingement: f64,
-    /// Temperature of the water (K).
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub water: f64,
-    /// Boiling curve: flux out of the wet surface (W/m²), `{ temperature = [...], value = [...] }` with the temperature of
-    /// the surface in K.
-    pub flux: Property,
-    /// Temperature of the surface above which the film lifts off (K).
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub leidenfrost: f64,
-    /// Heat transfer coefficient where the film has lifted off (W/(m² K)).
-    #[serde(default = "usual_film_coefficient")]
-    #[schemars(extend("minimum" = 0))]
-    pub film_coefficient: f64,
+flattened! {
+    /// Heat that a moving water jet and its film take from a surface.
+    #[derive(Debug)]
+    pub struct WaterJet {
+        ..place: OnSurface,
+        /// Outward directions of the cooled surface; a 2D body is cooled through its plane when left out.
+        #[serde(default)]
+        pub faces: Vec<Face>,
+        /// Direction in which the water runs off, such as `"x+"`.
+        pub flow: Face,
+        /// Coordinate along the flow of the upstream edge of the jet at time 0 (m).
+        pub start: f64,
+        /// Speed of the jet along that axis (m/s), negative towards smaller coordinates.
+        #[serde(default)]
+        pub speed: f64,
+        /// Length of the zone that the jet hits (m).
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub impingement: f64,
+        /// Temperature of the water (K).
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub water: f64,
+        /// Boiling curve: flux out of the wet surface (W/m²), `{ temperature = [...], value = [...] }` with the temperature of
+        /// the surface in K.
+        pub flux: Property,
+        /// Temperature of the surface above which the film lifts off (K).
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub leidenfrost: f64,
+        /// Heat transfer coefficient where the film has lifted off (W/(m² K)).
+        #[serde(default = "usual_film_coefficient")]
+        #[schemars(extend("minimum" = 0))]
+        pub film_coefficient: f64,
+    }
 }
 
 fn usual_film_coefficient() -> f64 {
@@ -249,8 +244,8 @@ impl Coupler for WaterJet {
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         self.check()?;
-        let body = setup.find_body(self.body.as_deref())?;
-        let region = self.region.as_deref();
+        let body = setup.find_body(self.place.body.as_deref())?;
+        let region = self.place.region.as_deref();
         let this = setup.body(body);
         let axis = self.flow.axis();
         if axis >= this.dimension {

@@ -37,7 +37,6 @@ mod account;
 mod cloud_tests;
 mod coupling;
 mod heading;
-mod keys;
 mod lattice;
 mod moving;
 #[cfg(test)]

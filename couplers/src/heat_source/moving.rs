@@ -6,19 +6,19 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 use perimelt_core::text::{number, position};
-use perimelt_core::{Body, Change, RunningCoupler, Setup, SetupError, Stepping, keys};
+use perimelt_core::{Body, Change, RunningCoupler, Setup, SetupError, Stepping, flattened, keys};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::account::Account;
 use super::heading::Heading;
-use super::keys::{Keys, read, schema};
 use super::lattice::{LatticeBody, grid};
 use super::running::RunningSource;
 use super::step_positions::StepPositions;
 use super::supply::Supply;
 use crate::source::{self, Depositor, HeatedSurface, Source};
-use crate::toolpath::{TimedPath, Toolpath, Track};
+use crate::surface::OnBody;
+use crate::toolpath::{TimedPath, Track};
 
 /// Fraction of the shortest length that the source may move in a step.
 const STEP_FRACTION: f64 = 0.25;
@@ -53,7 +53,7 @@ pub trait SourceShape: Clone {
 }
 
 macro_rules! shape {
-    ($name:ident, |$shape:ident| $length:expr $(, $complete:path)?) => {
+    ($name:ident, |$shape:ident| $length:expr, ($($group:ident)?) $(, $complete:path)?) => {
         impl SourceShape for source::$name {
             $(
                 fn complete(&mut self, setup: &Setup<'_>, body: usize) -> Result<(), SetupError> {
@@ -68,21 +68,26 @@ macro_rules! shape {
                 $length
             }
             fn surface(&self) -> HeatedSurface {
-                self.heated_surface
+                self$(.$group)?.heated_surface
             }
         }
     };
 }
 
-shape!(Goldak, |s| s
-    .front_length
-    .min(s.rear_length)
-    .min(s.half_width));
-shape!(SemiEllipsoid, |s| s.half_length.min(s.half_width));
-shape!(Gaussian, |s| s.sigma);
-shape!(SuperGaussian, |s| s.radius, take_absorptivity);
-shape!(Point, |_s| 0.0);
-shape!(Profile, |s| s.finest.unwrap_or(0.25 * s.reach));
+shape!(
+    Goldak,
+    |s| s.front_length.min(s.rear_length).min(s.half_width),
+    (sampled)
+);
+shape!(
+    SemiEllipsoid,
+    |s| s.half_length.min(s.half_width),
+    (sampled)
+);
+shape!(Gaussian, |s| s.sigma, (sampled));
+shape!(SuperGaussian, |s| s.radius, (sampled), take_absorptivity);
+shape!(Point, |_s| 0.0, ());
+shape!(Profile, |s| s.finest.unwrap_or(0.25 * s.reach), ());
 
 /// The absorptivity of the material, where the case gives none.
 fn take_absorptivity(
@@ -116,15 +121,17 @@ fn take_absorptivity(
 }
 
 /// A heat source of shape `S` on a toolpath.
+#[derive(Serialize)]
 pub struct MovingSource<S> {
-    /// Body; may be left out when there is one only.
-    pub body: Option<String>,
-    /// Position, direction of travel and power in time.
-    pub toolpath: Toolpath,
-    /// Power density.
-    pub shape: S,
+    #[serde(flatten)]
+    target: OnBody,
+    #[serde(flatten)]
     supply: Supply,
+    /// Power density.
+    #[serde(flatten)]
+    pub shape: S,
     /// The toolpath in time, shared with couplers that follow this source, once it is published.
+    #[serde(skip)]
     path: Option<Rc<TimedPath>>,
 }
 
@@ -148,9 +155,10 @@ impl<S: SourceShape> MovingSource<S> {
     }
 
     fn track(&self, folder: &Path) -> Result<Track, SetupError> {
-        let kind = self.toolpath.kind();
+        let kind = self.supply.toolpath.kind();
         let power = self.power()?;
-        self.toolpath
+        self.supply
+            .toolpath
             .track(power, folder)
             .map_err(|e| SetupError::other(format!("toolpath.{kind}.{}", e.key()), e))
     }
@@ -169,7 +177,7 @@ impl<S: SourceShape> MovingSource<S> {
         mut self,
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        let index = setup.find_body(self.body.as_deref())?;
+        let index = setup.find_body(self.target.body.as_deref())?;
         let path = self.timed_path(&setup.path(""))?;
         self.shape.complete(setup, index)?;
         let body = setup.body(index);
@@ -311,26 +319,13 @@ impl<S: SourceShape> MovingSource<S> {
     }
 }
 
-impl<S: Serialize + Clone> Serialize for MovingSource<S> {
-    fn serialize<T: Serializer>(&self, serializer: T) -> Result<T::Ok, T::Error> {
-        let keys = Keys {
-            body: self.body.clone(),
-            toolpath: Some(self.toolpath.clone()),
-            supply: self.supply,
-            shape: self.shape.clone(),
-        };
-        keys.serialize(serializer)
-    }
-}
-
 impl<'de, S: Deserialize<'de>> Deserialize<'de> for MovingSource<S> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let keys = read(deserializer, true)?;
+        let ((target, supply), shape) = flattened::read(deserializer)?;
         Ok(MovingSource {
-            body: keys.body,
-            toolpath: keys.toolpath.expect("the reader asks for it"),
-            shape: keys.shape,
-            supply: keys.supply,
+            target,
+            supply,
+            shape,
             path: None,
         })
     }
@@ -342,7 +337,10 @@ impl<S: JsonSchema> JsonSchema for MovingSource<S> {
     }
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        schema::<S>(generator, true)
+        let mut schema = S::json_schema(generator);
+        flattened::add_schema::<OnBody>(&mut schema, generator);
+        flattened::add_schema::<Supply>(&mut schema, generator);
+        schema
     }
 }
 

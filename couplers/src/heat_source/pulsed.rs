@@ -8,17 +8,16 @@ use std::borrow::Cow;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
     Coupler, Report, RunError, RunningCoupler, Setup, SetupError, Step, StepLimits, World, Write,
-    keys,
+    flattened, keys,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::account::Account;
-use super::keys::{Keys, read, schema};
 use super::lattice::{LatticeBody, grid};
 use super::step_positions::StepPositions;
-use super::supply::Supply;
 use crate::source::{self, CellGrid, Cells};
+use crate::surface::OnBody;
 
 /// Fraction of the pulse duration that a step may take.
 const STEP_FRACTION: f64 = 0.25;
@@ -27,10 +26,12 @@ const STEP_FRACTION: f64 = 0.25;
 const TAIL: f64 = 40.0;
 
 /// A laser pulse on a whole face.
+#[derive(Serialize)]
 pub struct PulsedLaserSource {
-    /// Body; may be left out when there is one only.
-    pub body: Option<String>,
+    #[serde(flatten)]
+    target: OnBody,
     /// Pulse and absorption.
+    #[serde(flatten)]
     pub shape: source::PulsedLaser,
 }
 
@@ -52,7 +53,7 @@ impl Coupler for PulsedLaserSource {
         self: Box<Self>,
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        let body = setup.find_body(self.body.as_deref())?;
+        let body = setup.find_body(self.target.body.as_deref())?;
         let fault = |e: source::SourceError| SetupError::other(e.key(), e);
         self.shape.validate().map_err(fault)?;
         let this = setup.body(body);
@@ -131,25 +132,10 @@ impl RunningCoupler for RunningPulsedLaserSource {
 
 perimelt_core::register_coupler!("pulsed_laser", PulsedLaserSource, supports: [Motion, Flow]);
 
-impl Serialize for PulsedLaserSource {
-    fn serialize<T: Serializer>(&self, serializer: T) -> Result<T::Ok, T::Error> {
-        let keys = Keys {
-            body: self.body.clone(),
-            toolpath: None,
-            supply: Supply::default(),
-            shape: self.shape.clone(),
-        };
-        keys.serialize(serializer)
-    }
-}
-
 impl<'de> Deserialize<'de> for PulsedLaserSource {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let keys = read(deserializer, false)?;
-        Ok(PulsedLaserSource {
-            body: keys.body,
-            shape: keys.shape,
-        })
+        let ((target,), shape) = flattened::read(deserializer)?;
+        Ok(PulsedLaserSource { target, shape })
     }
 }
 
@@ -159,7 +145,9 @@ impl JsonSchema for PulsedLaserSource {
     }
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        schema::<source::PulsedLaser>(generator, false)
+        let mut schema = source::PulsedLaser::json_schema(generator);
+        flattened::add_schema::<OnBody>(&mut schema, generator);
+        schema
     }
 }
 

@@ -1,21 +1,25 @@
-//! How strong a moving source is, besides the `power` of its shape: voltage and current of an arc or a beam, and pulses.
+//! Toolpath, voltage, current and pulses of a moving source.
 
-use perimelt_core::SetupError;
-use serde::Serialize;
+use perimelt_core::{SetupError, shared_keys};
 
-use crate::toolpath::Pulse;
+use crate::toolpath::{Pulse, Toolpath};
 
-/// Keys that every moving source has besides those of its shape.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub(super) struct Supply {
-    /// V.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub voltage: Option<f64>,
-    /// A.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub current: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pulse: Option<Pulse>,
+shared_keys! {
+    /// Keys that every moving source has besides those of its shape.
+    #[derive(Clone, Debug, PartialEq)]
+    pub(super) struct Supply {
+        /// Where the source is, which way it travels and how strong it is.
+        pub toolpath: Toolpath,
+        /// Voltage (V) of an arc or a beam; times `current` it is the power, instead of `power`.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub voltage: Option<f64>,
+        /// Current (A) of an arc or a beam; times `voltage` it is the power, instead of `power`.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub current: Option<f64>,
+        /// Pulses of the power; default none.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub pulse: Option<Pulse>,
+    }
 }
 
 impl Supply {

@@ -5,101 +5,63 @@
 //! `f_f + f_r = 2`. It is continuous at xi = 0 for `f_f = 2 c_f / (c_f + c_r)`, the default. The semi-ellipsoid is
 //! `c_f = c_r`, `f_f = f_r = 1`.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use perimelt_core::flattened;
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{
-    ArcProcess, HeatedSurface, Sampling, SourceError, arc_efficiency, default_normalise, positive,
-    within,
-};
+use super::{ArcPower, CellSampling, SourceError, positive, within};
 
-/// An ellipsoid cut in half by the heated face.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SemiEllipsoid {
-    /// Power where the toolpath gives none (W).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = 0))]
-    pub power: Option<f64>,
-    /// Part of the power that enters the body, 0 to 1; default that of `process`, else 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = 0, "maximum" = 1))]
-    pub efficiency: Option<f64>,
-    /// Arc process, whose efficiency counts where `efficiency` is left out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub process: Option<ArcProcess>,
-    /// c, half length along the travel direction (m): exp(-3) of the peak there.
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub half_length: f64,
-    /// a, half width (m).
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub half_width: f64,
-    /// b, depth (m). A 2D plate heats through its thickness.
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub depth: f64,
-    /// Cell average or value at the cell centre; default `cell_average`.
-    #[serde(default)]
-    pub sampling: Sampling,
-    /// Whether the power is made exact; default yes.
-    #[serde(default = "default_normalise")]
-    pub normalise: bool,
-    /// The heated face; default z+ at the height of the toolpath.
-    #[serde(default)]
-    pub heated_surface: HeatedSurface,
+flattened! {
+    /// An ellipsoid cut in half by the heated face.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct SemiEllipsoid {
+        ..supplied: ArcPower,
+        ..sampled: CellSampling,
+        /// c, half length along the travel direction (m): exp(-3) of the peak there.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub half_length: f64,
+        /// a, half width (m).
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub half_width: f64,
+        /// b, depth (m). A 2D plate heats through its thickness.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub depth: f64,
+    }
 }
 
-/// Goldak's double ellipsoid: a short front and a long rear.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Goldak {
-    /// Power where the toolpath gives none (W).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = 0))]
-    pub power: Option<f64>,
-    /// Part of the power that enters the body, 0 to 1; default that of `process`, else 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = 0, "maximum" = 1))]
-    pub efficiency: Option<f64>,
-    /// Arc process, whose efficiency counts where `efficiency` is left out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub process: Option<ArcProcess>,
-    /// c_f, length of the front (m): exp(-3) of the peak there.
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub front_length: f64,
-    /// c_r, length of the rear (m).
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub rear_length: f64,
-    /// a, half width (m).
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub half_width: f64,
-    /// b, depth (m). A 2D plate heats through its thickness.
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub depth: f64,
-    /// f_f, 0 to 2: twice the part of the power in front. Default 2 - f_r, or what makes the
-    /// density continuous.
-    #[schemars(extend("minimum" = 0, "maximum" = 2))]
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub front_fraction: Option<f64>,
-    /// f_r, 0 to 2: twice the part of the power behind. Default 2 - f_f.
-    #[schemars(extend("minimum" = 0, "maximum" = 2))]
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rear_fraction: Option<f64>,
-    /// Cell average or value at the cell centre; default `cell_average`.
-    #[serde(default)]
-    pub sampling: Sampling,
-    /// Whether the power is made exact; default yes.
-    #[serde(default = "default_normalise")]
-    pub normalise: bool,
-    /// The heated face; default z+ at the height of the toolpath.
-    #[serde(default)]
-    pub heated_surface: HeatedSurface,
+flattened! {
+    /// Goldak's double ellipsoid: a short front and a long rear.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Goldak {
+        ..supplied: ArcPower,
+        ..sampled: CellSampling,
+        /// c_f, length of the front (m): exp(-3) of the peak there.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub front_length: f64,
+        /// c_r, length of the rear (m).
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub rear_length: f64,
+        /// a, half width (m).
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub half_width: f64,
+        /// b, depth (m). A 2D plate heats through its thickness.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub depth: f64,
+        /// f_f, 0 to 2: twice the part of the power in front. Default 2 - f_r, or what makes the
+        /// density continuous.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("minimum" = 0, "maximum" = 2))]
+        pub front_fraction: Option<f64>,
+        /// f_r, 0 to 2: twice the part of the power behind. Default 2 - f_f.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("minimum" = 0, "maximum" = 2))]
+        pub rear_fraction: Option<f64>,
+    }
 }
 
 impl SemiEllipsoid {
     pub(super) fn beam(&self) -> Result<Beam, SourceError> {
-        arc_efficiency(self.efficiency, self.process)?;
+        self.supplied.checked_efficiency()?;
         let length = positive("half_length", self.half_length)?;
         Ok(Beam {
             footprint: Footprint::Ellipse {
@@ -112,9 +74,9 @@ impl SemiEllipsoid {
                 depth: positive("depth", self.depth)?,
             },
             plate_depth: None,
-            sampling: self.sampling,
-            normalise: self.normalise,
-            surface: self.heated_surface,
+            sampling: self.sampled.sampling,
+            normalise: self.sampled.normalise,
+            surface: self.sampled.heated_surface,
             widest_key: "half_length",
         })
     }
@@ -135,7 +97,7 @@ impl Goldak {
     }
 
     pub(super) fn beam(&self) -> Result<Beam, SourceError> {
-        arc_efficiency(self.efficiency, self.process)?;
+        self.supplied.checked_efficiency()?;
         let front = positive("front_length", self.front_length)?;
         let rear = positive("rear_length", self.rear_length)?;
         let [front_fraction, _] = self.fractions()?;
@@ -150,9 +112,9 @@ impl Goldak {
                 depth: positive("depth", self.depth)?,
             },
             plate_depth: None,
-            sampling: self.sampling,
-            normalise: self.normalise,
-            surface: self.heated_surface,
+            sampling: self.sampled.sampling,
+            normalise: self.sampled.normalise,
+            surface: self.sampled.heated_surface,
             widest_key: if rear > front {
                 "rear_length"
             } else {

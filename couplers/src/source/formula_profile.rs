@@ -3,12 +3,13 @@
 use std::borrow::Cow;
 use std::rc::Rc;
 
+use perimelt_core::flattened;
 use perimelt_core::formula::Formula;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 use super::density::{Density, DensitySource};
-use super::{ArcProcess, HeatedSurface, SourceError, arc_efficiency, positive};
+use super::{ArcPower, HeatedSurface, SourceError, positive};
 
 /// Variables of a profile.
 const VARIABLES: [&str; 4] = ["x", "y", "z", "r"];
@@ -16,38 +17,29 @@ const VARIABLES: [&str; 4] = ["x", "y", "z", "r"];
 /// Lengths over which a profile changes, as a fraction of its shortest reach, where the case does not give one.
 const USUAL_FINEST: f64 = 0.125;
 
-/// A source with a power density by formula, scaled to its power.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Profile {
-    /// Power where the toolpath gives none (W).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = 0))]
-    pub power: Option<f64>,
-    /// Part of the power that enters the body, 0 to 1; default that of `process`, else 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = 0, "maximum" = 1))]
-    pub efficiency: Option<f64>,
-    /// Arc process, whose efficiency counts where `efficiency` is left out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub process: Option<ArcProcess>,
-    /// Power density in local coordinates (m): x along the direction of travel, y to its left as seen from outside, z the depth below the
-    /// heated face, r = sqrt(x^2 + y^2). Nowhere negative; only its shape counts, since it is scaled to the power.
-    pub profile: LocalFormula,
-    /// Distance along the face from the position of the source beyond which the density is zero (m).
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub reach: f64,
-    /// Depth below which the density is zero (m). A 2D plate is heated through its thickness.
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub depth: f64,
-    /// Shortest length over which the density changes (m): the distance of its samples, and four times the way of the source in a step.
-    /// Default an eighth of the shorter of `reach` and `depth` for the samples, and a quarter of `reach` for the steps.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub finest: Option<f64>,
-    /// The heated face; default z+ at the height of the toolpath.
-    #[serde(default)]
-    pub heated_surface: HeatedSurface,
+flattened! {
+    /// A source with a power density by formula, scaled to its power.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Profile {
+        ..supplied: ArcPower,
+        /// Power density in local coordinates (m): x along the direction of travel, y to its left as seen from outside, z the depth below the
+        /// heated face, r = sqrt(x^2 + y^2). Nowhere negative; only its shape counts, since it is scaled to the power.
+        pub profile: LocalFormula,
+        /// Distance along the face from the position of the source beyond which the density is zero (m).
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub reach: f64,
+        /// Depth below which the density is zero (m). A 2D plate is heated through its thickness.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub depth: f64,
+        /// Shortest length over which the density changes (m): the distance of its samples, and four times the way of the source in a step.
+        /// Default an eighth of the shorter of `reach` and `depth` for the samples, and a quarter of `reach` for the steps.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub finest: Option<f64>,
+        /// The heated face; default z+ at the height of the toolpath.
+        #[serde(default)]
+        pub heated_surface: HeatedSurface,
+    }
 }
 
 impl Profile {
@@ -58,12 +50,12 @@ impl Profile {
     }
 
     pub(super) fn density(&self) -> Result<DensitySource, SourceError> {
-        let efficiency = arc_efficiency(self.efficiency, self.process)?;
+        let efficiency = self.supplied.checked_efficiency()?;
         positive("reach", self.reach)?;
         positive("depth", self.depth)?;
         positive("finest", self.finest())?;
         Ok(DensitySource {
-            power: self.power,
+            power: self.supplied.power,
             efficiency,
             density: Rc::new(self.clone()),
             surface: self.heated_surface,

@@ -51,6 +51,7 @@ pub use point::{Dwell, Point};
 pub use pulsed::PulsedLaser;
 pub use super_gaussian::{Penetration, SuperGaussian};
 
+use perimelt_core::shared_keys;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -81,11 +82,11 @@ impl Source {
     pub fn power(&self) -> Option<f64> {
         match self {
             Self::Point(source) => source.power,
-            Self::Gaussian(source) => source.power,
-            Self::SemiEllipsoid(source) => source.power,
-            Self::Goldak(source) => source.power,
+            Self::Gaussian(source) => source.supplied.power,
+            Self::SemiEllipsoid(source) => source.supplied.power,
+            Self::Goldak(source) => source.supplied.power,
             Self::SuperGaussian(source) => source.power,
-            Self::Profile(source) => source.power,
+            Self::Profile(source) => source.supplied.power,
             Self::Density(source) => source.power,
         }
     }
@@ -94,11 +95,11 @@ impl Source {
     pub fn efficiency(&self) -> f64 {
         match self {
             Self::Point(source) => source.efficiency,
-            Self::Gaussian(source) => efficiency(source.efficiency, source.process),
-            Self::SemiEllipsoid(source) => efficiency(source.efficiency, source.process),
-            Self::Goldak(source) => efficiency(source.efficiency, source.process),
+            Self::Gaussian(source) => source.supplied.efficiency(),
+            Self::SemiEllipsoid(source) => source.supplied.efficiency(),
+            Self::Goldak(source) => source.supplied.efficiency(),
             Self::SuperGaussian(source) => source.absorptivity.unwrap_or(1.0),
-            Self::Profile(source) => efficiency(source.efficiency, source.process),
+            Self::Profile(source) => source.supplied.efficiency(),
             Self::Density(source) => source.efficiency,
         }
     }
@@ -134,14 +135,51 @@ impl ArcProcess {
     }
 }
 
-/// Efficiency as given, or of the process, or 1.
-fn efficiency(given: Option<f64>, process: Option<ArcProcess>) -> f64 {
-    given.or(process.map(ArcProcess::efficiency)).unwrap_or(1.0)
+shared_keys! {
+    /// The power of a shape and the part of it that enters the body.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct ArcPower {
+        /// Power where the toolpath gives none (W).
+        #[serde(skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("minimum" = 0))]
+        pub power: Option<f64>,
+        /// Part of the power that enters the body, 0 to 1; default that of `process`, else 1.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("minimum" = 0, "maximum" = 1))]
+        pub efficiency: Option<f64>,
+        /// Arc process, whose efficiency counts where `efficiency` is left out.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub process: Option<ArcProcess>,
+    }
 }
 
-/// [`efficiency`], checked to lie between 0 and 1.
-fn arc_efficiency(given: Option<f64>, process: Option<ArcProcess>) -> Result<f64, SourceError> {
-    within("efficiency", efficiency(given, process), 0.0, 1.0)
+impl ArcPower {
+    /// Efficiency as given, or of the process, or 1.
+    fn efficiency(&self) -> f64 {
+        let of_process = self.process.map(ArcProcess::efficiency);
+        self.efficiency.or(of_process).unwrap_or(1.0)
+    }
+
+    /// [`ArcPower::efficiency`], checked to lie between 0 and 1.
+    fn checked_efficiency(&self) -> Result<f64, SourceError> {
+        within("efficiency", self.efficiency(), 0.0, 1.0)
+    }
+}
+
+shared_keys! {
+    /// The cells on which a density is sampled, and their face.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct CellSampling {
+        /// Cell average or value at the cell centre; default `cell_average`.
+        #[serde(default)]
+        pub sampling: Sampling,
+        /// Whether the power is made exact; default yes.
+        #[serde(default = "default_normalise")]
+        pub normalise: bool,
+        /// The heated face; default z+ at the height of the toolpath.
+        #[serde(default)]
+        pub heated_surface: HeatedSurface,
+    }
 }
 
 /// How a density becomes one value per cell.

@@ -2,54 +2,48 @@
 //! (W/m²), A the absorptivity; k = 2 is a Gaussian beam with the 1/e² radius w, large k a top hat.
 //! Below the surface the power falls with depth by one of the profiles of [`Penetration`].
 
+use perimelt_core::flattened;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{HeatedSurface, Sampling, SourceError, default_normalise, positive, within};
+use super::{CellSampling, SourceError, positive, within};
 
-/// A laser beam with an adjustable edge.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SuperGaussian {
-    /// Power of the laser where the toolpath gives none (W).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = 0))]
-    pub power: Option<f64>,
-    /// Part of the laser power that is absorbed, 0 to 1; default that of the material. Values of the library are those of
-    /// flat metal near 1 um; powder and a vapour depression absorb more.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("minimum" = 0, "maximum" = 1))]
-    pub absorptivity: Option<f64>,
-    /// Wavelength of the laser (m): where it is not near 1 um (fibre, disc, diode), `absorptivity` must be given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub wavelength: Option<f64>,
-    /// w, radius at which the flux is exp(-2) of its peak (m).
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub radius: f64,
-    /// k, 1 to 50: 2 is a Gaussian, large values approach a top hat; default 2.
-    #[schemars(extend("minimum" = 1, "maximum" = 50))]
-    #[serde(default = "gaussian_order")]
-    pub order: f64,
-    /// l, depth (m) with the meaning that `penetration` gives it. A 2D plate absorbs all power through its thickness.
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub penetration_depth: f64,
-    /// How the power falls with depth, at the same total: `uniform` down to l; `linear` to zero at l; `gaussian`,
-    /// exp(-2 (zeta/l)^2), as `radius` across the beam and as in other codes; `exponential`, exp(-zeta/l), the law of Beer
-    /// and Lambert. Power deeper than l: none, none, 5 %, 37 %. Mean depth: 0.5, 0.33, 0.4 and 1 l. Default `exponential`.
-    #[serde(default)]
-    pub penetration: Penetration,
-    /// Cell average or value at the cell centre; default `cell_average`.
-    #[serde(default)]
-    pub sampling: Sampling,
-    /// Whether the power is made exact; default yes.
-    #[serde(default = "default_normalise")]
-    pub normalise: bool,
-    /// The heated face; default z+ at the height of the toolpath.
-    #[serde(default)]
-    pub heated_surface: HeatedSurface,
+flattened! {
+    /// A laser beam with an adjustable edge.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct SuperGaussian {
+        ..sampled: CellSampling,
+        /// Power of the laser where the toolpath gives none (W).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("minimum" = 0))]
+        pub power: Option<f64>,
+        /// Part of the laser power that is absorbed, 0 to 1; default that of the material. Values of the library are those of
+        /// flat metal near 1 um; powder and a vapour depression absorb more.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("minimum" = 0, "maximum" = 1))]
+        pub absorptivity: Option<f64>,
+        /// Wavelength of the laser (m): where it is not near 1 um (fibre, disc, diode), `absorptivity` must be given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub wavelength: Option<f64>,
+        /// w, radius at which the flux is exp(-2) of its peak (m).
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub radius: f64,
+        /// k, 1 to 50: 2 is a Gaussian, large values approach a top hat; default 2.
+        #[serde(default = "gaussian_order")]
+        #[schemars(extend("minimum" = 1, "maximum" = 50))]
+        pub order: f64,
+        /// l, depth (m) with the meaning that `penetration` gives it. A 2D plate absorbs all power through its thickness.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub penetration_depth: f64,
+        /// How the power falls with depth, at the same total: `uniform` down to l; `linear` to zero at l; `gaussian`,
+        /// exp(-2 (zeta/l)^2), as `radius` across the beam and as in other codes; `exponential`, exp(-zeta/l), the law of Beer
+        /// and Lambert. Power deeper than l: none, none, 5 %, 37 %. Mean depth: 0.5, 0.33, 0.4 and 1 l. Default `exponential`.
+        #[serde(default)]
+        pub penetration: Penetration,
+    }
 }
 
 /// How absorbed power falls with depth.
@@ -92,9 +86,9 @@ impl SuperGaussian {
                 },
             },
             plate_depth: None,
-            sampling: self.sampling,
-            normalise: self.normalise,
-            surface: self.heated_surface,
+            sampling: self.sampled.sampling,
+            normalise: self.sampled.normalise,
+            surface: self.sampled.heated_surface,
             widest_key: "radius",
         })
     }

@@ -374,7 +374,7 @@ fn the_efficiency_is_that_given_or_that_of_the_process() {
     let goldak = |keys: &str| {
         let size = "front_length = 1, rear_length = 1, half_width = 1, depth = 1";
         match source(&format!("goldak = {{ {size} {keys} }}")) {
-            Source::Goldak(goldak) => efficiency(goldak.efficiency, goldak.process),
+            Source::Goldak(goldak) => goldak.supplied.efficiency(),
             other => panic!("{other:?}"),
         }
     };

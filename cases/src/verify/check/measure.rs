@@ -1,6 +1,6 @@
 //! Measurements of `[[verify]]` with their keys.
 
-use perimelt_core::Formula;
+use perimelt_core::{Formula, flattened, shared_keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -58,242 +58,189 @@ pub enum OverTime {
     Mean,
 }
 
-/// A field at positions.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct FieldMeasure {
-    /// Body; may be left out when there is only one.
-    #[serde(default)]
-    pub body: Option<String>,
-    /// Field, such as "temperature".
-    pub field: String,
-    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
-    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
-    #[serde(default)]
-    pub component: Option<String>,
-    /// Reference positions, m.
-    pub at: Vec<[f64; 3]>,
-    /// Reference position whose value is subtracted from all, m, such as the other lip of a crack.
-    #[serde(default)]
-    pub from: Option<[f64; 3]>,
-    /// Which of the values of all logged states from `since` to `time`, at each position; "mean" with `since`, "last" without.
-    #[serde(default)]
-    pub over_time: Option<OverTime>,
-    /// First logged state, s; the first one after the start when left out.
-    #[serde(default)]
-    pub since: Option<f64>,
-    /// When, s: a multiple of the log interval; the end when left out.
-    #[serde(default)]
-    pub time: Option<f64>,
-    /// Added to the value: -273.15 turns kelvin into degrees celsius.
-    #[serde(default)]
-    pub offset: f64,
-    /// Interpolation between the points.
-    #[serde(default)]
-    pub interpolation: Interpolation,
+shared_keys! {
+    /// A field of a body.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct FieldKeys {
+        /// Body; may be left out when there is only one. Measurements of current positions need its displacement.
+        #[serde(default)]
+        pub body: Option<String>,
+        /// Field, such as "temperature".
+        pub field: String,
+        /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
+        /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
+        #[serde(default)]
+        pub component: Option<String>,
+    }
 }
 
-/// A field at fixed positions in space: a linear fit to the points that are near them now.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PassingMeasure {
-    /// Body, which must have a displacement; may be left out when there is only one.
-    #[serde(default)]
-    pub body: Option<String>,
-    /// Field, such as "pressure".
-    pub field: String,
-    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
-    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
-    #[serde(default)]
-    pub component: Option<String>,
-    /// Positions, m.
-    pub at: Vec<[f64; 3]>,
-    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
-    #[serde(default)]
-    pub over_time: Option<OverTime>,
-    /// First logged state, s; the first one after the start when left out.
-    #[serde(default)]
-    pub since: Option<f64>,
-    /// When, s: a multiple of the log interval; the end when left out.
-    #[serde(default)]
-    pub time: Option<f64>,
+shared_keys! {
+    /// A scalar field of a body.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct ScalarKeys {
+        /// Body; may be left out when there is only one.
+        #[serde(default)]
+        pub body: Option<String>,
+        /// Field, such as "damage"; the magnitude of a vector field.
+        pub field: String,
+    }
 }
 
-/// Largest coordinate of the cells of a body now in a direction, m.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ReachMeasure {
-    /// Body, which must have a displacement; may be left out when there is only one.
-    #[serde(default)]
-    pub body: Option<String>,
-    /// The direction.
-    pub along: [f64; 3],
-    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
-    #[serde(default)]
-    pub over_time: Option<OverTime>,
-    /// First logged state, s; the first one after the start when left out.
-    #[serde(default)]
-    pub since: Option<f64>,
-    /// When, s: a multiple of the log interval; the end when left out.
-    #[serde(default)]
-    pub time: Option<f64>,
+shared_keys! {
+    /// The logged states that count.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Times {
+        /// Which of the values of all logged states from `since` to `time`, of each measured number; "mean" with `since`, "last"
+        /// without.
+        #[serde(default)]
+        pub over_time: Option<OverTime>,
+        /// First logged state, s; the first one after the start when left out.
+        #[serde(default)]
+        pub since: Option<f64>,
+        /// When, s: a multiple of the log interval; the end when left out.
+        #[serde(default)]
+        pub time: Option<f64>,
+    }
 }
 
-/// Smallest distance of two points now.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct NearestMeasure {
-    /// Body, which must have a displacement; may be left out when there is only one.
-    #[serde(default)]
-    pub body: Option<String>,
-    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
-    #[serde(default)]
-    pub over_time: Option<OverTime>,
-    /// First logged state, s; the first one after the start when left out.
-    #[serde(default)]
-    pub since: Option<f64>,
-    /// When, s: a multiple of the log interval; the end when left out.
-    #[serde(default)]
-    pub time: Option<f64>,
+flattened! {
+    /// A field at positions.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct FieldMeasure {
+        ..target: FieldKeys,
+        ..times: Times,
+        /// Reference positions, m.
+        pub at: Vec<[f64; 3]>,
+        /// Reference position whose value is subtracted from all, m, such as the other lip of a crack.
+        #[serde(default)]
+        pub from: Option<[f64; 3]>,
+        /// Added to the value: -273.15 turns kelvin into degrees celsius.
+        #[serde(default)]
+        pub offset: f64,
+        /// Interpolation between the points.
+        #[serde(default)]
+        pub interpolation: Interpolation,
+    }
 }
 
-/// A field at a position over time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct HistoryMeasure {
-    /// Body; may be left out when there is only one.
-    #[serde(default)]
-    pub body: Option<String>,
-    /// Field, such as "displacement".
-    pub field: String,
-    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
-    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
-    #[serde(default)]
-    pub component: Option<String>,
-    /// Reference position, m.
-    pub at: [f64; 3],
-    /// Logged states up to this time, s; the end when left out.
-    #[serde(default)]
-    pub until: Option<f64>,
-    /// Interpolation between the points.
-    #[serde(default)]
-    pub interpolation: Interpolation,
+flattened! {
+    /// A field at fixed positions in space: a linear fit to the points that are near them now.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct PassingMeasure {
+        ..target: FieldKeys,
+        ..times: Times,
+        /// Positions, m.
+        pub at: Vec<[f64; 3]>,
+    }
 }
 
-/// The time at which a field first crosses a value.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CrossingMeasure {
-    /// Body; may be left out when there is only one.
-    #[serde(default)]
-    pub body: Option<String>,
-    /// Scalar field, such as "temperature".
-    pub field: String,
-    /// Reference position, m.
-    pub at: [f64; 3],
-    /// The value.
-    pub value: f64,
+flattened! {
+    /// Largest coordinate of the cells of a body now in a direction, m.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct ReachMeasure {
+        ..times: Times,
+        /// Body, which must have a displacement; may be left out when there is only one.
+        #[serde(default)]
+        pub body: Option<String>,
+        /// The direction.
+        pub along: [f64; 3],
+    }
 }
 
-/// The time at which a field first exceeds a value.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct OnsetMeasure {
-    /// Body; may be left out when there is only one.
-    #[serde(default)]
-    pub body: Option<String>,
-    /// Field, such as "damage"; the magnitude of a vector field.
-    pub field: String,
-    /// Region; the whole body when left out.
-    #[serde(default)]
-    pub region: Option<String>,
-    /// The value.
-    pub above: f64,
+flattened! {
+    /// Smallest distance of two points now.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct NearestMeasure {
+        ..times: Times,
+        /// Body, which must have a displacement; may be left out when there is only one.
+        #[serde(default)]
+        pub body: Option<String>,
+    }
 }
 
-/// The farthest point at which a field exceeds a value. Over time, states without such a point do not count.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TipMeasure {
-    /// Body; may be left out when there is only one.
-    #[serde(default)]
-    pub body: Option<String>,
-    /// Field, such as "damage"; the magnitude of a vector field.
-    pub field: String,
-    /// The value.
-    pub above: f64,
-    /// Direction in which the farthest point is taken.
-    pub along: [f64; 3],
-    /// Which of the values of all logged states from `since` to `time`, of each coordinate; "mean" with `since`, "last" without.
-    #[serde(default)]
-    pub over_time: Option<OverTime>,
-    /// First logged state, s; the first one after the start when left out.
-    #[serde(default)]
-    pub since: Option<f64>,
-    /// When, s: a multiple of the log interval; the end when left out.
-    #[serde(default)]
-    pub time: Option<f64>,
+flattened! {
+    /// A field at a position over time.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct HistoryMeasure {
+        ..target: FieldKeys,
+        /// Reference position, m.
+        pub at: [f64; 3],
+        /// Logged states up to this time, s; the end when left out.
+        #[serde(default)]
+        pub until: Option<f64>,
+        /// Interpolation between the points.
+        #[serde(default)]
+        pub interpolation: Interpolation,
+    }
 }
 
-/// One number for all points of a region.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct StatisticMeasure {
-    /// Body; may be left out when there is only one.
-    #[serde(default)]
-    pub body: Option<String>,
-    /// Field, such as "temperature".
-    pub field: String,
-    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
-    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
-    #[serde(default)]
-    pub component: Option<String>,
-    /// Region; the whole body when left out.
-    #[serde(default)]
-    pub region: Option<String>,
-    /// Which number.
-    pub statistic: Statistic,
-    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
-    #[serde(default)]
-    pub over_time: Option<OverTime>,
-    /// First logged state, s; the first one after the start when left out.
-    #[serde(default)]
-    pub since: Option<f64>,
-    /// When, s: a multiple of the log interval; the end when left out.
-    #[serde(default)]
-    pub time: Option<f64>,
-    /// Added to the number.
-    #[serde(default)]
-    pub offset: f64,
+flattened! {
+    /// The time at which a field first crosses a value.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct CrossingMeasure {
+        ..target: ScalarKeys,
+        /// Reference position, m.
+        pub at: [f64; 3],
+        /// The value.
+        pub value: f64,
+    }
 }
 
-/// Position of the largest or smallest value in a region.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PlaceMeasure {
-    /// Body; may be left out when there is only one.
-    #[serde(default)]
-    pub body: Option<String>,
-    /// Field, such as "velocity".
-    pub field: String,
-    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
-    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
-    #[serde(default)]
-    pub component: Option<String>,
-    /// Region; the whole body when left out.
-    #[serde(default)]
-    pub region: Option<String>,
-    /// Which value.
-    pub of: Extreme,
-    /// Which of the values of all logged states from `since` to `time`, of each coordinate; "mean" with `since`, "last" without.
-    #[serde(default)]
-    pub over_time: Option<OverTime>,
-    /// First logged state, s; the first one after the start when left out.
-    #[serde(default)]
-    pub since: Option<f64>,
-    /// When, s: a multiple of the log interval; the end when left out.
-    #[serde(default)]
-    pub time: Option<f64>,
+flattened! {
+    /// The time at which a field first exceeds a value.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct OnsetMeasure {
+        ..target: ScalarKeys,
+        /// Region; the whole body when left out.
+        #[serde(default)]
+        pub region: Option<String>,
+        /// The value.
+        pub above: f64,
+    }
+}
+
+flattened! {
+    /// The farthest point at which a field exceeds a value. Over time, states without such a point do not count.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct TipMeasure {
+        ..target: ScalarKeys,
+        ..times: Times,
+        /// The value.
+        pub above: f64,
+        /// Direction in which the farthest point is taken.
+        pub along: [f64; 3],
+    }
+}
+
+flattened! {
+    /// One number for all points of a region.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct StatisticMeasure {
+        ..target: FieldKeys,
+        ..times: Times,
+        /// Region; the whole body when left out.
+        #[serde(default)]
+        pub region: Option<String>,
+        /// Which number.
+        pub statistic: Statistic,
+        /// Added to the number.
+        #[serde(default)]
+        pub offset: f64,
+    }
+}
+
+flattened! {
+    /// Position of the largest or smallest value in a region.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct PlaceMeasure {
+        ..target: FieldKeys,
+        ..times: Times,
+        /// Region; the whole body when left out.
+        #[serde(default)]
+        pub region: Option<String>,
+        /// Which value.
+        pub of: Extreme,
+    }
 }
 
 /// One end of a range of values.
@@ -306,36 +253,21 @@ pub enum Extreme {
     Min,
 }
 
-/// Deviation of a field from a formula, relative to the formula.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DeviationMeasure {
-    /// Body; may be left out when there is only one.
-    #[serde(default)]
-    pub body: Option<String>,
-    /// Field, such as "velocity".
-    pub field: String,
-    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
-    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
-    #[serde(default)]
-    pub component: Option<String>,
-    /// Expected value, in the reference position x, y, z (m) and the time t (s).
-    pub expected: Formula,
-    /// Region; the whole body when left out.
-    #[serde(default)]
-    pub region: Option<String>,
-    /// Norm over the points.
-    #[serde(default)]
-    pub norm: Norm,
-    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
-    #[serde(default)]
-    pub over_time: Option<OverTime>,
-    /// First logged state, s; the first one after the start when left out.
-    #[serde(default)]
-    pub since: Option<f64>,
-    /// When, s: a multiple of the log interval; the end when left out.
-    #[serde(default)]
-    pub time: Option<f64>,
+flattened! {
+    /// Deviation of a field from a formula, relative to the formula.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct DeviationMeasure {
+        ..target: FieldKeys,
+        ..times: Times,
+        /// Expected value, in the reference position x, y, z (m) and the time t (s).
+        pub expected: Formula,
+        /// Region; the whole body when left out.
+        #[serde(default)]
+        pub region: Option<String>,
+        /// Norm over the points.
+        #[serde(default)]
+        pub norm: Norm,
+    }
 }
 
 /// Norm of the deviations at all points.
@@ -349,26 +281,19 @@ pub enum Norm {
     Largest,
 }
 
-/// Extent of the region above an isotherm. Over time, states without such a region do not count.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct MeltPoolMeasure {
-    /// Body; may be left out when there is only one.
-    #[serde(default)]
-    pub body: Option<String>,
-    /// Isotherm, K.
-    pub isotherm: f64,
-    /// Which of its extents, with the directions of the nearest heat source; without one it travels along x.
-    pub extent: Extent,
-    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
-    #[serde(default)]
-    pub over_time: Option<OverTime>,
-    /// First logged state, s; the first one after the start when left out.
-    #[serde(default)]
-    pub since: Option<f64>,
-    /// When, s: a multiple of the log interval; the end when left out.
-    #[serde(default)]
-    pub time: Option<f64>,
+flattened! {
+    /// Extent of the region above an isotherm. Over time, states without such a region do not count.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct MeltPoolMeasure {
+        ..times: Times,
+        /// Body; may be left out when there is only one.
+        #[serde(default)]
+        pub body: Option<String>,
+        /// Isotherm, K.
+        pub isotherm: f64,
+        /// Which of its extents, with the directions of the nearest heat source; without one it travels along x.
+        pub extent: Extent,
+    }
 }
 
 /// An extent of a melt pool.
@@ -396,22 +321,15 @@ pub struct BalanceMeasure {
     pub quantity: String,
 }
 
-/// A number that plugins report.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ReportMeasure {
-    /// Its name, such as "energy.deposited".
-    pub name: String,
-    /// Name of another number, which divides it.
-    #[serde(default)]
-    pub of: Option<String>,
-    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
-    #[serde(default)]
-    pub over_time: Option<OverTime>,
-    /// First logged state, s; the first one after the start when left out.
-    #[serde(default)]
-    pub since: Option<f64>,
-    /// When, s: a multiple of the log interval; the end when left out.
-    #[serde(default)]
-    pub time: Option<f64>,
+flattened! {
+    /// A number that plugins report.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct ReportMeasure {
+        ..times: Times,
+        /// Its name, such as "energy.deposited".
+        pub name: String,
+        /// Name of another number, which divides it.
+        #[serde(default)]
+        pub of: Option<String>,
+    }
 }

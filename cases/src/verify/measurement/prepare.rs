@@ -12,7 +12,7 @@ use crate::probe::{ProbeKind, ProbeSection, RegionProbe, Statistic};
 use crate::verify::check::{
     BalanceMeasure, CrossingMeasure, DeviationMeasure, FieldMeasure, HistoryMeasure, Measure,
     MeltPoolMeasure, OnsetMeasure, OverTime, PassingMeasure, PlaceMeasure, ReportMeasure,
-    StatisticMeasure, TipMeasure,
+    StatisticMeasure, Times, TipMeasure,
 };
 
 /// Times of a measurement, and the reduction of its values.
@@ -26,14 +26,12 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// The schedule that `over_time`, `since` and `time` of a measurement give.
+    /// The schedule that a measurement gives; the state at the end alone where it gives none.
     ///
     /// # Errors
     /// The last state alone does not begin at `since`.
-    fn new(
-        over_time: Option<OverTime>,
-        [since, until]: [Option<f64>; 2],
-    ) -> Result<Self, SetupError> {
+    fn new(times: Option<&Times>) -> Result<Self, SetupError> {
+        let (over_time, since) = times.map_or((None, None), |t| (t.over_time, t.since));
         let over_time = match (over_time, since) {
             (Some(OverTime::Last), Some(since)) => {
                 let message = format!("the last state alone does not begin at {since} s");
@@ -46,18 +44,9 @@ impl Schedule {
         };
         Ok(Schedule {
             since,
-            until,
+            until: times.and_then(|t| t.time),
             over_time,
         })
-    }
-
-    /// The state at the end alone.
-    fn at_end() -> Self {
-        Schedule {
-            since: None,
-            until: None,
-            over_time: OverTime::Last,
-        }
     }
 
     /// Whether the logged state at a time (s) counts, in a run to `end` (s).
@@ -79,66 +68,41 @@ pub(super) fn sampler(
     measure: &Measure,
     simulation: &Simulation,
 ) -> Result<(Sampler, Schedule), SetupError> {
-    let each_step = Schedule::at_end();
     let moving_body = |name: &Option<String>| find_moving_body(simulation, name.as_deref());
-    Ok(match measure {
-        Measure::Field(m) => (
-            field(m, simulation)?,
-            Schedule::new(m.over_time, [m.since, m.time])?,
-        ),
-        Measure::Passing(m) => (
-            passing(m, simulation)?,
-            Schedule::new(m.over_time, [m.since, m.time])?,
-        ),
+    let (sampler, times) = match measure {
+        Measure::Field(m) => (field(m, simulation)?, Some(&m.times)),
+        Measure::Passing(m) => (passing(m, simulation)?, Some(&m.times)),
         Measure::Reach(m) => {
             let body = moving_body(&m.body)?;
             let along = direction(m.along, "measure.reach.along")?;
-            (
-                Sampler::Reach { body, along },
-                Schedule::new(m.over_time, [m.since, m.time])?,
-            )
+            (Sampler::Reach { body, along }, Some(&m.times))
         }
         Measure::Nearest(m) => {
             let body = moving_body(&m.body)?;
-            (
-                Sampler::Nearest { body },
-                Schedule::new(m.over_time, [m.since, m.time])?,
-            )
+            (Sampler::Nearest { body }, Some(&m.times))
         }
-        Measure::History(m) => (history(m, simulation)?, each_step),
-        Measure::Crossing(m) => (crossing(m, simulation)?, each_step),
-        Measure::Onset(m) => (onset(m, simulation)?, each_step),
-        Measure::Tip(m) => (
-            tip(m, simulation)?,
-            Schedule::new(m.over_time, [m.since, m.time])?,
-        ),
-        Measure::Statistic(m) => (
-            statistic(m, simulation)?,
-            Schedule::new(m.over_time, [m.since, m.time])?,
-        ),
-        Measure::Place(m) => (
-            place(m, simulation)?,
-            Schedule::new(m.over_time, [m.since, m.time])?,
-        ),
-        Measure::Deviation(m) => (
-            deviation(m, simulation)?,
-            Schedule::new(m.over_time, [m.since, m.time])?,
-        ),
-        Measure::MeltPool(m) => (
-            melt_pool(m, simulation)?,
-            Schedule::new(m.over_time, [m.since, m.time])?,
-        ),
-        Measure::Balance(m) => (balance(m, simulation)?, each_step),
-        Measure::Passes => (Sampler::Passes, Schedule::at_end()),
-        Measure::Report(m) => (
-            report(m, simulation)?,
-            Schedule::new(m.over_time, [m.since, m.time])?,
-        ),
-    })
+        Measure::History(m) => (history(m, simulation)?, None),
+        Measure::Crossing(m) => (crossing(m, simulation)?, None),
+        Measure::Onset(m) => (onset(m, simulation)?, None),
+        Measure::Tip(m) => (tip(m, simulation)?, Some(&m.times)),
+        Measure::Statistic(m) => (statistic(m, simulation)?, Some(&m.times)),
+        Measure::Place(m) => (place(m, simulation)?, Some(&m.times)),
+        Measure::Deviation(m) => (deviation(m, simulation)?, Some(&m.times)),
+        Measure::MeltPool(m) => (melt_pool(m, simulation)?, Some(&m.times)),
+        Measure::Balance(m) => (balance(m, simulation)?, None),
+        Measure::Passes => (Sampler::Passes, None),
+        Measure::Report(m) => (report(m, simulation)?, Some(&m.times)),
+    };
+    Ok((sampler, Schedule::new(times)?))
 }
 
 fn field(m: &FieldMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(simulation, &m.body, &m.field, "measure.field.field")?;
+    let found = Found::new(
+        simulation,
+        &m.target.body,
+        &m.target.field,
+        "measure.field.field",
+    )?;
     let weights = |at| found.weights(at, m.interpolation, "measure.field.at");
     let subtracted = m.from.map(weights).transpose()?;
     let difference = |&at: &[f64; 3]| {
@@ -149,7 +113,7 @@ fn field(m: &FieldMeasure, simulation: &Simulation) -> Result<Sampler, SetupErro
         Ok(weights)
     };
     Ok(Sampler::Field {
-        component: found.component(m.component.as_deref())?,
+        component: found.component(m.target.component.as_deref())?,
         weights: m
             .at
             .iter()
@@ -160,27 +124,42 @@ fn field(m: &FieldMeasure, simulation: &Simulation) -> Result<Sampler, SetupErro
 }
 
 fn passing(m: &PassingMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    find_moving_body(simulation, m.body.as_deref())?;
-    let found = Found::new(simulation, &m.body, &m.field, "measure.passing.field")?;
+    find_moving_body(simulation, m.target.body.as_deref())?;
+    let found = Found::new(
+        simulation,
+        &m.target.body,
+        &m.target.field,
+        "measure.passing.field",
+    )?;
     Ok(Sampler::Passing {
         body: found.body,
-        component: found.component(m.component.as_deref())?,
+        component: found.component(m.target.component.as_deref())?,
         section: m.clone(),
     })
 }
 
 fn history(m: &HistoryMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(simulation, &m.body, &m.field, "measure.history.field")?;
+    let found = Found::new(
+        simulation,
+        &m.target.body,
+        &m.target.field,
+        "measure.history.field",
+    )?;
     let end = simulation.options().end;
     Ok(Sampler::History {
-        component: found.component(m.component.as_deref())?,
+        component: found.component(m.target.component.as_deref())?,
         weights: found.weights(m.at, m.interpolation, "measure.history.at")?,
         until: m.until.unwrap_or(end) + 1e-9 * end,
     })
 }
 
 fn crossing(m: &CrossingMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(simulation, &m.body, &m.field, "measure.crossing.field")?;
+    let found = Found::new(
+        simulation,
+        &m.target.body,
+        &m.target.field,
+        "measure.crossing.field",
+    )?;
     let interpolation = match found.points().lattice() {
         Some(_) => Interpolation::Cubic,
         None => Interpolation::Linear,
@@ -199,13 +178,18 @@ fn onset(m: &OnsetMeasure, simulation: &Simulation) -> Result<Sampler, SetupErro
         statistic: Statistic::Max,
     };
     Ok(Sampler::Onset {
-        largest: region_probe(&m.body, &m.field, None, region, simulation)?,
+        largest: region_probe(&m.target.body, &m.target.field, None, region, simulation)?,
         above: m.above,
     })
 }
 
 fn tip(m: &TipMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(simulation, &m.body, &m.field, "measure.tip.field")?;
+    let found = Found::new(
+        simulation,
+        &m.target.body,
+        &m.target.field,
+        "measure.tip.field",
+    )?;
     Ok(Sampler::Tip {
         body: found.body,
         component: found.component(None)?,
@@ -220,27 +204,43 @@ fn statistic(m: &StatisticMeasure, simulation: &Simulation) -> Result<Sampler, S
         statistic: m.statistic,
     };
     Ok(Sampler::Statistic {
-        probe: region_probe(&m.body, &m.field, m.component.clone(), region, simulation)?,
+        probe: region_probe(
+            &m.target.body,
+            &m.target.field,
+            m.target.component.clone(),
+            region,
+            simulation,
+        )?,
         offset: m.offset,
     })
 }
 
 fn place(m: &PlaceMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(simulation, &m.body, &m.field, "measure.place.field")?;
+    let found = Found::new(
+        simulation,
+        &m.target.body,
+        &m.target.field,
+        "measure.place.field",
+    )?;
     let region = m.region.as_deref();
     Ok(Sampler::Place {
         body: found.body,
-        component: found.component(m.component.as_deref())?,
+        component: found.component(m.target.component.as_deref())?,
         points: points_of(found.points(), region, "measure.place.region")?,
         of: m.of,
     })
 }
 
 fn deviation(m: &DeviationMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(simulation, &m.body, &m.field, "measure.deviation.field")?;
+    let found = Found::new(
+        simulation,
+        &m.target.body,
+        &m.target.field,
+        "measure.deviation.field",
+    )?;
     let region = m.region.as_deref();
     Ok(Sampler::Deviation {
-        component: found.component(m.component.as_deref())?,
+        component: found.component(m.target.component.as_deref())?,
         points: points_of(found.points(), region, "measure.deviation.region")?,
         section: m.clone(),
     })
