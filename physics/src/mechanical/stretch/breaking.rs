@@ -40,7 +40,7 @@ impl<const FINITE: bool> Excess<FINITE> {
             (end[EIGENSTRAIN], end[CRITICAL]) = (eigenstrain, critical);
             end
         });
-        let ends = (&own, &other);
+        let ends = Ends::new(&own, &other);
         let stretch = stretched::<FINITE, 3, _>(bond, ends).stretch();
         load_and_limit(
             false,
@@ -63,15 +63,10 @@ struct BondStretch {
 /// Load of a bond and its limit: thermo-elastic stretch, or energy and limit both times the weight. The load is
 /// positive in tension only.
 #[inline(always)]
-fn load_and_limit(
-    energy: bool,
-    bond: &Bond,
-    stretched: BondStretch,
-    (own, other): Ends<'_>,
-) -> (f64, f64) {
+fn load_and_limit(energy: bool, bond: &Bond, stretched: BondStretch, ends: Ends<'_>) -> (f64, f64) {
     let BondStretch { stretch, force } = stretched;
-    let elastic = elastic_stretch(stretch, (own, other));
-    let limit = 0.5 * (own[CRITICAL] + other[CRITICAL]);
+    let elastic = elastic_stretch(stretch, ends);
+    let limit = ends.mean(CRITICAL);
     match energy {
         true => (
             0.5 * force.max(0.0) * bond.length * elastic,
@@ -88,7 +83,7 @@ impl<const D: usize, const FINITE: bool, L: BondLaw, const ENERGY: bool> BondKer
 
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 4] {
-        let ends = (&own, &other);
+        let ends = Ends::new(&own, &other);
         let change = stretched::<FINITE, D, _>(bond, ends);
         let stretch = change.stretch();
         let force = self.0.tension(bond, stretch, ends);
@@ -107,7 +102,7 @@ impl<const D: usize, const FINITE: bool, L: BondLaw, const ENERGY: bool> BondKer
         other: [f64; INPUTS],
         [here, there]: [&mut [f64; 4]; 2],
     ) {
-        let ends = (&own, &other);
+        let ends = Ends::new(&own, &other);
         let change = stretched_by::<FINITE, true, D, _>(bond, ends);
         let stretch = change.stretch_by::<true>();
         let force = self.0.tension(bond, stretch, ends);
@@ -135,7 +130,7 @@ impl BondKernel<INPUTS, 2> for Load {
 
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
-        let ends = (&own, &other);
+        let ends = Ends::new(&own, &other);
         let stretch = stretched_in(self.finite, bond, ends).stretch();
         let force = self.law.tension(bond, stretch, ends);
         let (load, limit) = load_and_limit(self.energy, bond, BondStretch { stretch, force }, ends);

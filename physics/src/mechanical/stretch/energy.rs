@@ -3,7 +3,8 @@
 use perimelt_core::{Bond, BondKernel};
 
 use super::{
-    BondLaw, BondLaws, INPUTS, PRESSURE, STIFFNESS, dyad, elastic_stretch, stretched, stretched_in,
+    BondLaw, BondLaws, Ends, INPUTS, PRESSURE, STIFFNESS, dyad, elastic_stretch, stretched,
+    stretched_in,
 };
 
 /// Energy density `c/4 sum_j w |xi| s^2` (J/m³) of the bonds of a point at their total stretch, and the stress
@@ -25,7 +26,7 @@ pub struct Stress {
 impl<const FINITE: bool> BondKernel<INPUTS, 2> for Energy<FINITE> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
-        let ends = (&own, &other);
+        let ends = Ends::new(&own, &other);
         let stretch = stretched::<FINITE, 3, _>(bond, ends).stretch();
         let density = 0.25 * own[STIFFNESS] * bond.weight * bond.length * stretch * stretch;
         [density, self.law.conjugate_stress(bond, stretch, ends)]
@@ -42,7 +43,7 @@ pub struct ElasticEnergy<const FINITE: bool> {
 impl<const FINITE: bool> BondKernel<INPUTS, 2> for ElasticEnergy<FINITE> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
-        let ends = (&own, &other);
+        let ends = Ends::new(&own, &other);
         let stretch = stretched::<FINITE, 3, _>(bond, ends).stretch();
         [self.law.elastic_energy(bond, stretch, ends), 0.0]
     }
@@ -53,8 +54,8 @@ impl BondKernel<INPUTS, 6> for Stress {
 
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 6] {
-        let change = stretched_in(self.finite, bond, (&own, &other));
-        let elastic = elastic_stretch(change.stretch(), (&own, &other));
+        let change = stretched_in(self.finite, bond, Ends::new(&own, &other));
+        let elastic = elastic_stretch(change.stretch(), Ends::new(&own, &other));
         let carried = |weight: f64, point: &[f64; INPUTS]| {
             weight * (0.5 * point[STIFFNESS] * elastic * bond.length + point[PRESSURE])
         };

@@ -2,7 +2,7 @@
 
 use perimelt_core::{Bond, BondKernel};
 
-use super::{BondLaw, EIGENSTRAIN, INPUTS, STIFFNESS, dyad, stretched, stretched_by};
+use super::{BondLaw, EIGENSTRAIN, Ends, INPUTS, STIFFNESS, dyad, stretched, stretched_by};
 
 /// Force density of the bonds, N/m³.
 pub struct Force<const FINITE: bool, L>(pub L);
@@ -12,7 +12,7 @@ impl<const FINITE: bool, L: BondLaw, const D: usize> BondKernel<INPUTS, D> for F
 
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
-        let ends = (&own, &other);
+        let ends = Ends::new(&own, &other);
         let change = stretched::<FINITE, D, _>(bond, ends);
         change.vector(self.0.tension(bond, change.stretch(), ends))
     }
@@ -25,7 +25,7 @@ impl<const FINITE: bool, L: BondLaw, const D: usize> BondKernel<INPUTS, D> for F
         other: [f64; INPUTS],
         sums: [&mut [f64; D]; 2],
     ) {
-        let ends = (&own, &other);
+        let ends = Ends::new(&own, &other);
         let change = stretched_by::<FINITE, true, D, _>(bond, ends);
         change.add_pull(
             self.0.tension(bond, change.stretch_by::<true>(), ends),

@@ -48,44 +48,44 @@ fn elastic_energy(bond: &Bond, stiffness: f64, elastic: f64) -> f64 {
 
 impl BondLaw for LinearPairs {
     #[inline(always)]
-    fn tension(&self, bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
-        let mean = |i: usize| 0.5 * (own[i] + other[i]);
-        bond.mean() * mean(STIFFNESS) * (stretch - mean(EIGENSTRAIN))
+    fn tension(&self, bond: &Bond, stretch: f64, ends: Ends<'_>) -> f64 {
+        bond.mean() * ends.mean(STIFFNESS) * (stretch - ends.mean(EIGENSTRAIN))
     }
 
     /// Both ends have the mean weight together; at layers the own weight is that of the energy of the forces.
     #[inline(always)]
-    fn elastic_energy(&self, bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
-        let stiffness = 0.5 * (own[STIFFNESS] + other[STIFFNESS]);
-        elastic_energy(bond, stiffness, elastic_stretch(stretch, (own, other)))
+    fn elastic_energy(&self, bond: &Bond, stretch: f64, ends: Ends<'_>) -> f64 {
+        let stiffness = ends.mean(STIFFNESS);
+        elastic_energy(bond, stiffness, elastic_stretch(stretch, ends))
     }
 
     #[inline(always)]
-    fn conjugate_stress(&self, bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
-        let force = 0.5 * (own[STIFFNESS] + other[STIFFNESS]) * bond.mean();
+    fn conjugate_stress(&self, bond: &Bond, stretch: f64, ends: Ends<'_>) -> f64 {
+        let force = ends.mean(STIFFNESS) * bond.mean();
         0.5 * force * bond.length * stretch
     }
 }
 
 impl BondLaw for LinearStates {
     #[inline(always)]
-    fn tension(&self, bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
-        let elastic = elastic_stretch(stretch, (own, other));
+    fn tension(&self, bond: &Bond, stretch: f64, ends: Ends<'_>) -> f64 {
+        let elastic = elastic_stretch(stretch, ends);
         // computed once if the stiffness is the same at both ends
         let end = |stiffness: f64| 0.5 * stiffness * elastic;
-        let tension = bond.weight * end(own[STIFFNESS]) + bond.dual * end(other[STIFFNESS]);
-        let pressure = bond.weight * own[PRESSURE] + bond.dual * other[PRESSURE];
+        let tension =
+            bond.weight * end(ends.own[STIFFNESS]) + bond.dual * end(ends.other[STIFFNESS]);
+        let pressure = bond.weight * ends.own[PRESSURE] + bond.dual * ends.other[PRESSURE];
         tension + pressure * bond.inverse_length
     }
 
     #[inline(always)]
-    fn elastic_energy(&self, bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
-        elastic_energy(bond, own[STIFFNESS], elastic_stretch(stretch, (own, other)))
+    fn elastic_energy(&self, bond: &Bond, stretch: f64, ends: Ends<'_>) -> f64 {
+        elastic_energy(bond, ends.own[STIFFNESS], elastic_stretch(stretch, ends))
     }
 
     #[inline(always)]
-    fn conjugate_stress(&self, bond: &Bond, stretch: f64, (own, _): Ends<'_>) -> f64 {
-        let force = own[STIFFNESS] * bond.weight;
+    fn conjugate_stress(&self, bond: &Bond, stretch: f64, ends: Ends<'_>) -> f64 {
+        let force = ends.own[STIFFNESS] * bond.weight;
         0.5 * force * bond.length * stretch
     }
 }

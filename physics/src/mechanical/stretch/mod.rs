@@ -51,13 +51,32 @@ pub const STIFFNESS: usize = 5;
 pub const CRITICAL: usize = 6;
 
 /// Inputs of the point of a bond and of its other end.
-pub type Ends<'a> = (&'a [f64; INPUTS], &'a [f64; INPUTS]);
+#[derive(Clone, Copy, Debug)]
+pub struct Ends<'a, const I: usize = INPUTS> {
+    /// Inputs of the point.
+    pub own: &'a [f64; I],
+    /// Inputs of the other end.
+    pub other: &'a [f64; I],
+}
+
+impl<'a, const I: usize> Ends<'a, I> {
+    #[inline(always)]
+    fn new(own: &'a [f64; I], other: &'a [f64; I]) -> Self {
+        Ends { own, other }
+    }
+
+    /// Mean of an input.
+    #[inline(always)]
+    pub fn mean(&self, input: usize) -> f64 {
+        0.5 * (self.own[input] + self.other[input])
+    }
+}
 
 /// Elastic stretch of a bond: without the eigenstrain, of which the bond has the mean of its ends. That of a linear
 /// eigenstrain is zero in a free body, whose bonds have just this stretch.
 #[inline(always)]
-fn elastic_stretch(stretch: f64, (own, other): Ends<'_>) -> f64 {
-    stretch - 0.5 * (own[EIGENSTRAIN] + other[EIGENSTRAIN])
+fn elastic_stretch(stretch: f64, ends: Ends<'_>) -> f64 {
+    stretch - ends.mean(EIGENSTRAIN)
 }
 
 /// Stretch of a bond, `scale sum_a relative_a arm_a`.
@@ -74,7 +93,7 @@ struct Stretched<const D: usize> {
 #[inline(always)]
 fn stretched<const FINITE: bool, const D: usize, const I: usize>(
     bond: &Bond,
-    ends: (&[f64; I], &[f64; I]),
+    ends: Ends<'_, I>,
 ) -> Stretched<D> {
     stretched_by::<FINITE, false, D, I>(bond, ends)
 }
@@ -83,8 +102,9 @@ fn stretched<const FINITE: bool, const D: usize, const I: usize>(
 #[inline(always)]
 fn stretched_by<const FINITE: bool, const FUSED: bool, const D: usize, const I: usize>(
     bond: &Bond,
-    (own, other): (&[f64; I], &[f64; I]),
+    ends: Ends<'_, I>,
 ) -> Stretched<D> {
+    let Ends { own, other } = ends;
     let relative: [f64; D] = std::array::from_fn(|a| other[a] - own[a]);
     let xi: [f64; D] = std::array::from_fn(|a| bond.xi[a]);
     if FINITE {
