@@ -22,8 +22,10 @@ use std::rc::Rc;
 use nalgebra::Vector3;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::world::refinement::{WindowMover, WindowPosition};
-use perimelt_core::{Coupler, Report, RunError, RunningCoupler, Setup, SetupError, Step, World};
+use perimelt_core::world::refinement::{Transfer, WindowMover, WindowPosition};
+use perimelt_core::{
+    Coupler, Report, RunError, RunningCoupler, Setup, SetupError, Step, World, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -78,7 +80,11 @@ impl Coupler for MovingRefinement {
             return Err(SetupError::value("fine", message, "another body"));
         }
         let path: Rc<TimedPath> = setup.shared("follow", "heat source", &self.follow)?;
-        let mover = setup.refine(plate, window)?;
+        let heat = Transfer {
+            conserved: &keys::ENTHALPY,
+            derived: &keys::TEMPERATURE,
+        };
+        let mover = setup.refine(plate, window, heat)?;
         let placed = setup.world().refinement(window).map(|(r, _)| r.position());
         Ok(Box::new(RunningMovingRefinement {
             window,
@@ -114,7 +120,7 @@ impl RunningCoupler for RunningMovingRefinement {
         vec![
             Report::new("corner.x", "m", self.corner.x),
             Report::new("corner.y", "m", self.corner.y),
-            Report::new("heat of moves", "J", self.position.heat),
+            Report::new("heat of moves", "J", self.position.carried),
         ]
     }
 

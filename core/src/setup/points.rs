@@ -5,7 +5,7 @@ use crate::error::SetupError;
 use crate::field::{Write, keys};
 use crate::world::changes::{Change, Changes};
 use crate::world::configuration::{Description, PointMover};
-use crate::world::refinement::{Refinement, WindowMover};
+use crate::world::refinement::{Refinement, Transfer, WindowMover};
 use crate::world::{BodyIndex, PhaseChange};
 
 impl Setup<'_> {
@@ -87,7 +87,7 @@ impl Setup<'_> {
     }
 
     /// Lets `window` be a part of `plate` with finer points that moves over it; called by a coupler, which gets the
-    /// permission to move it.
+    /// permission to move it, and names the fields that move with it.
     ///
     /// # Errors
     /// When the two bodies do not fit, or one of them belongs to a refinement already.
@@ -95,6 +95,7 @@ impl Setup<'_> {
         &mut self,
         plate: BodyIndex,
         window: BodyIndex,
+        Transfer { conserved, derived }: Transfer<'_>,
     ) -> Result<WindowMover, SetupError> {
         for (key, body) in [("body", plate), ("fine", window)] {
             if self.world.refinement(body).is_some() {
@@ -102,15 +103,9 @@ impl Setup<'_> {
                 return Err(SetupError::value(key, message, "one window for each body"));
             }
         }
-        let temperature = [
-            self.read(plate, &keys::TEMPERATURE)?,
-            self.read(window, &keys::TEMPERATURE)?,
-        ];
-        let enthalpy = [
-            self.read(plate, &keys::ENTHALPY)?,
-            self.read(window, &keys::ENTHALPY)?,
-        ];
-        let refinement = Refinement::new(self.world, (plate, window), temperature, enthalpy)?;
+        let derived = [self.read(plate, derived)?, self.read(window, derived)?];
+        let conserved = [self.read(plate, conserved)?, self.read(window, conserved)?];
+        let refinement = Refinement::new(self.world, (plate, window), conserved, derived)?;
         self.world.refinements.push(refinement);
         self.happens(window, Change::Window);
         Ok(WindowMover {

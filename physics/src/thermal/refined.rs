@@ -198,7 +198,7 @@ impl Refined {
         let Some((refinement, _)) = world.refinement(plate.body) else {
             return;
         };
-        let window = world.read(refinement.window_enthalpy());
+        let window = world.read(refinement.window_amount());
         let mut temperature = world.write(temperature);
         let mut enthalpy = world.write(enthalpy);
         refinement.for_each_covered(|point, inside| {

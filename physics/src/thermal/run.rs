@@ -172,8 +172,8 @@ impl RunningThermal {
     /// Heat that moves of the window transferred to it, J: positive for the window, negative for the body around it.
     pub(super) fn heat_of_moves(&self, world: &World) -> f64 {
         match world.refinement(self.body) {
-            Some((refinement, Level::Window)) => refinement.position().heat,
-            Some((refinement, Level::Plate)) => -refinement.position().heat,
+            Some((refinement, Level::Window)) => refinement.position().carried,
+            Some((refinement, Level::Plate)) => -refinement.position().carried,
             None => 0.0,
         }
     }

@@ -1,11 +1,12 @@
 //! A window of finer points that moves over a body with coarser ones.
 //!
 //! Two bodies on lattices: the *plate* and, inside of it, the *window*, whose spacing is that of the plate divided by a whole
-//! number. Cells of the plate below the window are *covered*: their enthalpy is the mean of the points of the window in
-//! them, and the balance of heat counts these points instead. The window moves by whole cells of the plate. Its points keep
-//! their places in memory; their fields are shifted, and points that enter get the enthalpy of the cells of the
+//! number. The coupler that moves the window names a conserved field, an amount per volume, and one that follows from it. Cells of
+//! the plate below the window are *covered*: their amount is the mean of the points of the window in them, and balances count
+//! these points instead. The window moves by whole cells of the plate. Its points keep
+//! their places in memory; their fields are shifted, and points that enter get the amount of the cells of the
 //! plate there, with slopes whose mean over a cell is zero. Points that leave have been averaged into the cells of the plate
-//! before. Moves therefore keep the heat of both bodies together to rounding.
+//! before. Moves therefore keep the amount in both bodies together to rounding.
 //!
 //! The [`World`] owns the position of the window. A coupler declares the two bodies ([`Setup::refine`](crate::Setup::refine)) and moves the window
 //! between steps ([`World::move_window`]); the physics of both bodies follow it ([`World::refinement`]). Plugins that act on
@@ -18,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::body::{Body, Lattice};
 use crate::error::SetupError;
-use crate::field::{Read, Write};
+use crate::field::{Key, Read, Write};
 use crate::text::position;
 use crate::world::{BodyIndex, World};
 
@@ -50,19 +51,29 @@ pub struct Refinement {
     cells: [usize; 3],
     /// Lowest cell of the plate below the window where the case places it.
     first: [i64; 3],
-    /// Temperature (K) and enthalpy (J/m³) of the plate, then of the window.
-    temperature: [Write<f64>; 2],
-    enthalpy: [Write<f64>; 2],
+    /// Amount per volume of the plate, then of the window.
+    conserved: [Write<f64>; 2],
+    /// What follows from it.
+    derived: [Write<f64>; 2],
     position: Cell<WindowPosition>,
 }
 
-/// Where a window is, and the heat that its moves took along.
+/// The fields that move with a window.
+#[derive(Clone, Copy, Debug)]
+pub struct Transfer<'a> {
+    /// An amount per volume, such as the enthalpy.
+    pub conserved: &'a Key<f64>,
+    /// What follows from the amount, such as the temperature.
+    pub derived: &'a Key<f64>,
+}
+
+/// Where a window is, and the amount that its moves took along.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct WindowPosition {
     /// Lowest cell of the plate below the window.
     pub low: [i64; 3],
-    /// Heat that the window took over from the plate by its moves since the start, less what it left behind, J.
-    pub heat: f64,
+    /// Amount that the window took over from the plate by its moves since the start, less what it left behind.
+    pub carried: f64,
 }
 
 /// Permission of a coupler to move a window.
@@ -75,8 +86,8 @@ impl Refinement {
     pub(crate) fn new(
         world: &World,
         (plate, window): (BodyIndex, BodyIndex),
-        temperature: [Read<f64>; 2],
-        enthalpy: [Read<f64>; 2],
+        conserved: [Read<f64>; 2],
+        derived: [Read<f64>; 2],
     ) -> Result<Refinement, SetupError> {
         let [coarse, fine] = [plate, window].map(|b| &world.bodies[b]);
         let lattices = (full_lattice(coarse, "body")?, full_lattice(fine, "fine")?);
@@ -84,7 +95,7 @@ impl Refinement {
         let handles = |of: [Read<f64>; 2]| of.map(|handle| Write::new(handle.field));
         let position = WindowPosition {
             low: first,
-            heat: 0.0,
+            carried: 0.0,
         };
         Ok(Refinement {
             plate,
@@ -95,8 +106,8 @@ impl Refinement {
             plate_cells: lattices.0.cells,
             cells,
             first,
-            temperature: handles(temperature),
-            enthalpy: handles(enthalpy),
+            conserved: handles(conserved),
+            derived: handles(derived),
             position: Cell::new(position),
         })
     }
@@ -131,9 +142,9 @@ impl Refinement {
         self.position.get()
     }
 
-    /// Enthalpy of the window, J/m³: for the physics of the plate, which advances after that of the window.
-    pub fn window_enthalpy(&self) -> Read<f64> {
-        self.enthalpy[1].into()
+    /// Amount per volume of the window: for the physics of the plate, which advances after that of the window.
+    pub fn window_amount(&self) -> Read<f64> {
+        self.conserved[1].into()
     }
 
     /// Where the window may be nearest to a position (cells of the plate), so that it stays on the plate.
@@ -237,10 +248,10 @@ impl Refinement {
         Vector3::from_fn(|a, _| (low[a] - self.first[a]) as f64 * self.spacing)
     }
 
-    /// Slopes of the enthalpy of the plate along each axis, per point of the window: those of the limiter of van Leer
-    /// (monotonised central differences), so that points that enter are not hotter or colder than the cells around them.
-    fn slopes(&self, enthalpy: &[f64], cell: [usize; 3]) -> [f64; 3] {
-        let here = enthalpy[self.plate_point(cell)];
+    /// Slopes of the amount of the plate along each axis, per point of the window: those of the limiter of van Leer
+    /// (monotonised central differences), so that the values of points that enter lie between those of the cells around them.
+    fn slopes(&self, amount: &[f64], cell: [usize; 3]) -> [f64; 3] {
+        let here = amount[self.plate_point(cell)];
         std::array::from_fn(|a| {
             if a >= self.dimension || cell[a] == 0 || cell[a] + 1 == self.plate_cells[a] {
                 return 0.0;
@@ -248,7 +259,7 @@ impl Refinement {
             let at = |c: usize| {
                 let mut other = cell;
                 other[a] = c;
-                enthalpy[self.plate_point(other)]
+                amount[self.plate_point(other)]
             };
             let (below, above) = (here - at(cell[a] - 1), at(cell[a] + 1) - here);
             if below * above <= 0.0 {
@@ -260,20 +271,20 @@ impl Refinement {
         })
     }
 
-    /// Moves the fields of the window; what enters gets the enthalpy of the plate and its temperature by `temperature`.
-    fn move_to(&self, world: &World, low: [i64; 3], temperature: &dyn Fn(f64) -> f64) {
+    /// Moves the fields of the window; what enters gets the amount of the plate and what follows from it by `derive`.
+    fn move_to(&self, world: &World, low: [i64; 3], derive: &dyn Fn(f64) -> f64) {
         let before = self.position();
         let volume = &world.bodies[self.plate].points.volume;
         let [nx, ny, nz] = self.window_points();
-        let mut heat = -self.leave_behind(world, low, temperature);
-        let plate = world.read::<f64>(self.enthalpy[0].into());
+        let mut carried = -self.leave_behind(world, low, derive);
+        let plate = world.read::<f64>(self.conserved[0].into());
         let ratio = self.ratio();
         let step: [i64; 3] = std::array::from_fn(|a| (low[a] - before.low[a]) * ratio[a] as i64);
-        for field in [self.enthalpy[1], self.temperature[1]] {
+        for field in [self.conserved[1], self.derived[1]] {
             shift(&mut world.write(field), [nx, ny, nz], step);
         }
-        let mut enthalpy = world.write(self.enthalpy[1]);
-        let mut temperatures = world.write(self.temperature[1]);
+        let mut amounts = world.write(self.conserved[1]);
+        let mut derived = world.write(self.derived[1]);
         let mut inside = Vec::new();
         for (first, count) in self.rows(low) {
             for x in 0..count {
@@ -282,7 +293,7 @@ impl Refinement {
                     continue;
                 }
                 let point = self.plate_point(cell);
-                heat += plate[point] * volume[point];
+                carried += plate[point] * volume[point];
                 let slopes = self.slopes(&plate, cell);
                 self.window_points_in(low, cell, &mut inside);
                 for (n, &entering) in inside.iter().enumerate() {
@@ -295,32 +306,32 @@ impl Refinement {
                         let from_centre = place[a] as f64 - 0.5 * (ratio[a] as f64 - 1.0);
                         slopes[a] * from_centre
                     };
-                    let h = plate[point] + (0..3).map(rise).sum::<f64>();
-                    enthalpy[entering] = h;
-                    temperatures[entering] = temperature(h);
+                    let amount = plate[point] + (0..3).map(rise).sum::<f64>();
+                    amounts[entering] = amount;
+                    derived[entering] = derive(amount);
                 }
             }
         }
-        let heat = before.heat + heat;
-        self.position.set(WindowPosition { low, heat });
+        let carried = before.carried + carried;
+        self.position.set(WindowPosition { low, carried });
     }
 
-    /// Gives the cells of the plate that a window at `low` does not cover any more the mean enthalpy of the points of the
-    /// window in them; the heat that they have, J.
-    fn leave_behind(&self, world: &World, low: [i64; 3], temperature: &dyn Fn(f64) -> f64) -> f64 {
+    /// Gives the cells of the plate that a window at `low` does not cover any more the mean amount of the points of the
+    /// window in them; the amount that they have.
+    fn leave_behind(&self, world: &World, low: [i64; 3], derive: &dyn Fn(f64) -> f64) -> f64 {
         let volume = &world.bodies[self.plate].points.volume;
-        let window = world.read::<f64>(self.enthalpy[1].into());
-        let mut plate = world.write(self.enthalpy[0]);
-        let mut temperatures = world.write(self.temperature[0]);
-        let mut heat = 0.0;
+        let window = world.read::<f64>(self.conserved[1].into());
+        let mut plate = world.write(self.conserved[0]);
+        let mut derived = world.write(self.derived[0]);
+        let mut left = 0.0;
         self.for_each_covered(|point, inside| {
             if !self.covers_at(low, self.plate_cell(point)) {
                 plate[point] = mean(&window, inside);
-                temperatures[point] = temperature(plate[point]);
-                heat += plate[point] * volume[point];
+                derived[point] = derive(plate[point]);
+                left += plate[point] * volume[point];
             }
         });
-        heat
+        left
     }
 }
 
@@ -467,12 +478,12 @@ impl World {
     }
 
     /// Moves a window, whose lowest cell is then `low`, with its fields; between steps, when the physics of both bodies have
-    /// advanced to one time. `temperature` (K) is that of an enthalpy (J/m³).
-    pub fn move_window(&self, mover: WindowMover, low: [i64; 3], temperature: impl Fn(f64) -> f64) {
+    /// advanced to one time. `derive` gives what follows from an amount per volume.
+    pub fn move_window(&self, mover: WindowMover, low: [i64; 3], derive: impl Fn(f64) -> f64) {
         let refinement = self.moved_refinement(mover);
         let low = refinement.nearest(low);
         if refinement.position().low != low {
-            refinement.move_to(self, low, &temperature);
+            refinement.move_to(self, low, &derive);
         }
     }
 
