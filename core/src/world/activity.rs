@@ -11,6 +11,8 @@
 
 use std::cell::Ref;
 
+use serde::{Deserialize, Serialize};
+
 use super::changes::Change;
 use super::{BodyIndex, World};
 use crate::field::{FieldIndex, keys};
@@ -18,10 +20,6 @@ use crate::field::{FieldIndex, keys};
 /// Whether there is material, from a value of [`keys::ACTIVE`].
 pub fn is_active(value: f64) -> bool {
     value > 0.5
-}
-
-fn mask(values: &[f64]) -> Vec<bool> {
-    values.iter().map(|v| is_active(*v)).collect()
 }
 
 impl World {
@@ -42,49 +40,63 @@ impl World {
         changes.contains(Change::Births) || changes.contains(Change::Cuts)
     }
 
-    /// Whether each point of a body has material.
-    pub(crate) fn present_points(&self, body: BodyIndex) -> Vec<bool> {
-        match self.activity(body) {
-            Some(activity) => mask(&activity),
-            None => vec![true; self.bodies[body].points.len()],
-        }
+    /// Whether each point has material; `None` for a body that does not grow.
+    pub fn present_points(&self, body: BodyIndex) -> Option<Vec<bool>> {
+        let activity = self.activity(body)?;
+        Some(activity.iter().map(|v| is_active(*v)).collect())
     }
 
     /// Whether a point has material.
     pub fn has_material(&self, body: BodyIndex, point: usize) -> bool {
         self.activity(body).is_none_or(|a| is_active(a[point]))
     }
-
-    /// Counter that changes whenever points of a body may have become active.
-    pub(crate) fn activity_version(&self, body: BodyIndex) -> Option<u64> {
-        let field = self.activity_field(body)?;
-        Some(self.fields.field(field).changes())
-    }
 }
 
-/// Follows which points of a body are active.
-#[derive(Debug, Default)]
+/// The births and cuts of a body that somebody has taken up. Part of the state of those who account for them, as repeated
+/// passes of a step must not count a birth twice.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(transparent)]
 pub struct ActivityChanges {
-    seen: Option<u64>,
     active: Vec<bool>,
+    #[serde(skip)]
+    seen: Option<u64>,
 }
 
 impl ActivityChanges {
-    /// Points that became active or inactive since the last call, ascending; all at the first call. `None` where
+    /// Nothing taken up: so many points without material.
+    pub fn none(points: usize) -> ActivityChanges {
+        ActivityChanges {
+            active: vec![false; points],
+            seen: None,
+        }
+    }
+
+    /// The points that have material now are taken up; no points for a body that does not grow.
+    pub fn until_now(world: &World, body: BodyIndex) -> ActivityChanges {
+        ActivityChanges {
+            active: world.present_points(body).unwrap_or_default(),
+            seen: None,
+        }
+    }
+
+    /// Points that became active or inactive since the last call, ascending; all where no point is known. `None` where
     /// nothing changed, as for a body that does not grow.
     pub fn since_last(&mut self, world: &World, body: BodyIndex) -> Option<Vec<u32>> {
-        let version = world.activity_version(body)?;
-        if self.seen == Some(version) {
+        let version = world.fields.field(world.activity_field(body)?).changes();
+        if self.seen.replace(version) == Some(version) {
             return None;
         }
-        let now = mask(&world.activity(body)?);
-        let is_first = self.seen.replace(version).is_none();
-        self.active.resize(now.len(), false);
-        let pairs = self.active.iter().zip(&now).zip(0..);
-        let changed = pairs.filter(|((before, now), _)| is_first || before != now);
-        let changed: Vec<u32> = changed.map(|(_, point)| point).collect();
+        let now = world.present_points(body)?;
+        let differs = |(point, now): &(u32, &bool)| self.active.get(*point as usize) != Some(now);
+        let changed = (0..).zip(&now).filter(differs);
+        let changed: Vec<u32> = changed.map(|(point, _)| point).collect();
         self.active = now;
         (!changed.is_empty()).then_some(changed)
+    }
+
+    /// Whether each point was active at the last call.
+    pub fn active(&self) -> &[bool] {
+        &self.active
     }
 
     /// Whether a point was active at the last call.

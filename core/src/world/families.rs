@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
+use super::activity::ActivityChanges;
 use super::configuration::Configuration;
 use super::{BodyIndex, World};
 use crate::body::Body;
@@ -54,8 +55,8 @@ struct MovingState {
 #[derive(Debug)]
 struct GrowingState {
     family: Arc<Family>,
-    /// Changes of the activity that the family includes.
-    seen: u64,
+    /// Births and cuts that the family includes.
+    taken: ActivityChanges,
 }
 
 impl MovingState {
@@ -91,16 +92,14 @@ impl World {
         let store = if self.is_growing(body) {
             Store::Growing(RefCell::new(GrowingState {
                 family: Arc::new(self.build_growing(body, spec)?),
-                seen: self.activity_version(body).unwrap_or(0),
+                taken: ActivityChanges::until_now(self, body),
             }))
         } else if self.moves_freely(body) {
-            let mut found_at = FoundAt::default();
-            found_at.set(&this.points.position);
             Store::Moving {
                 skin: skin(this),
                 state: RefCell::new(MovingState {
                     family: Arc::new(Family::moving(this, spec)?),
-                    found_at,
+                    found_at: FoundAt::new(&this.points.position),
                     has_old_rows: false,
                     placed_for: 0,
                 }),
@@ -124,6 +123,7 @@ impl World {
         spec: &FamilySpec,
     ) -> Result<Family, FamilyError> {
         let present = self.present_points(body);
+        let present = present.unwrap_or_else(|| vec![true; self.bodies[body].points.len()]);
         Family::growing(&self.bodies[body], spec, &present, 0)
     }
 
@@ -146,21 +146,19 @@ impl World {
             }
             Store::Growing(state) => {
                 let state = &mut *state.borrow_mut();
-                let version = self.activity_version(*body);
-                if let Some(version) = version.filter(|v| *v != state.seen) {
-                    let present = self.present_points(*body);
+                if state.taken.since_last(self, *body).is_some() {
+                    let present = state.taken.active();
                     match Arc::get_mut(&mut state.family) {
-                        Some(family) => family.set_active(&present),
+                        Some(family) => family.set_active(present),
                         None => {
                             // of a version from which nobody takes the difference
                             let next = state.family.version() + 1;
                             let body = &self.bodies[*body];
-                            let family = Family::growing(body, spec, &present, next);
+                            let family = Family::growing(body, spec, present, next);
                             let family = family.expect("the same family was built at set-up");
                             state.family = Arc::new(family);
                         }
                     }
-                    state.seen = version;
                 }
                 state.family.clone()
             }

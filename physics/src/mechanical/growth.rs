@@ -40,7 +40,6 @@ use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::{ByRules, Continuation, LayerRule};
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::world::activity::is_active;
 use perimelt_core::{Access, Face, Family, Setup, SetupError, SlotField, World, keys};
 use rayon::prelude::*;
 
@@ -63,11 +62,6 @@ fn continued_part(gradient: &Matrix3<f64>) -> Matrix3<f64> {
         true => gradient + strain * (CONTINUED / size - 1.0),
         false => *gradient,
     }
-}
-
-/// Whether there is material at each point.
-pub(super) fn mask(activity: &[f64]) -> Vec<bool> {
-    activity.iter().map(|v| is_active(*v)).collect()
 }
 
 /// Refuses keys that do not go together with a body that grows or with inherent strains.
@@ -216,7 +210,7 @@ impl<'a> Surroundings<'a> {
 impl MechanicalRun {
     /// Takes up points that became active or inactive since the last step; whether there are any.
     pub(super) fn follow_activity(&mut self, world: &World) -> bool {
-        let Some(active) = world.activity(self.body).map(|a| mask(&a)) else {
+        let Some(active) = world.present_points(self.body) else {
             return false;
         };
         let has_changed = active != self.state.present;

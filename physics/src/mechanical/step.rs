@@ -15,7 +15,6 @@ use super::energy_watch::{EnergyWatch, Scratch};
 use super::equilibrium::Statics;
 use super::fields::{Damage, Fields, Hold};
 use super::fracture::FractureState;
-use super::growth::mask;
 use super::moduli::Moduli;
 use super::momentum::{Balanced, Momentum};
 use super::plasticity::Inelastic;
@@ -80,9 +79,7 @@ pub(super) struct MechanicalState {
 impl MechanicalRun {
     /// Completes the initial state.
     pub(super) fn start(&mut self, world: &World) {
-        self.state.present = world
-            .activity(self.body)
-            .map_or_else(Vec::new, |a| mask(&a));
+        self.state.present = world.present_points(self.body).unwrap_or_default();
         self.set_in_motion(world);
         let temperature = world.read_if_provided(self.fields.temperature);
         let body = world.body(self.body);

@@ -8,8 +8,9 @@ use std::borrow::Cow;
 
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::world::activity::is_active;
-use perimelt_core::{Balance, ReadIfProvided, Report, Setup, SetupError, World, Write, keys};
+use perimelt_core::{
+    ActivityChanges, Balance, ReadIfProvided, Report, Setup, SetupError, World, Write, keys,
+};
 use serde::{Deserialize, Serialize};
 
 use super::run::HeatAccount;
@@ -29,8 +30,8 @@ pub(super) struct Growth {
 /// Points that are born, with the heat and mass that were deposited less those cut off.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Born {
-    /// Whether each point is born.
-    born: Vec<bool>,
+    /// Points that are born.
+    born: ActivityChanges,
     /// Heat, J.
     heat: f64,
     /// Mass at the start, and mass added since, kg.
@@ -53,7 +54,7 @@ impl Growth {
             birth_temperature,
             mass: density.iter().zip(volume).map(|(d, v)| d * v).collect(),
             state: Born {
-                born: vec![false; volume.len()],
+                born: ActivityChanges::none(volume.len()),
                 ..Born::default()
             },
             row_sums_of: None,
@@ -62,10 +63,8 @@ impl Growth {
 
     /// Marks points that have material at the start as born.
     pub(super) fn start(&mut self, world: &World) {
-        let active = world.activity(self.body);
-        let active = active.map_or_else(Vec::new, |a| a.iter().map(|v| is_active(*v)).collect());
         self.state = Born {
-            born: active,
+            born: ActivityChanges::until_now(world, self.body),
             ..Born::default()
         };
         self.state.mass[0] = self.sum(&self.mass);
@@ -73,12 +72,12 @@ impl Growth {
 
     /// Number of points in the state, and of the body.
     pub(super) fn points(&self) -> [usize; 2] {
-        [self.state.born.len(), self.mass.len()]
+        [self.state.born.active().len(), self.mass.len()]
     }
 
     /// Whether a point is born.
     pub(super) fn is_born(&self, point: usize) -> bool {
-        self.state.born[point]
+        self.state.born.is_active(point)
     }
 
     /// Sum over the points that are born, in the order of their numbers.
@@ -88,13 +87,13 @@ impl Growth {
 
     /// 1 for each point that is born, 0 otherwise.
     fn weights(&self) -> Vec<f64> {
-        let born = self.state.born.iter();
+        let born = self.state.born.active().iter();
         born.map(|b| f64::from(u8::from(*b))).collect()
     }
 
     /// Volumes of the points, zero where they are not born, m³.
     pub(super) fn volumes(&self, volume: &[f64]) -> Vec<f64> {
-        let points = self.state.born.iter().zip(volume);
+        let points = self.state.born.active().iter().zip(volume);
         points.map(|(b, v)| if *b { *v } else { 0.0 }).collect()
     }
 
@@ -106,25 +105,18 @@ impl Growth {
         state: &HeatState,
         account: &mut HeatAccount,
     ) -> bool {
-        let Some(active) = world.activity(self.body) else {
+        let Some(changed) = self.state.born.since_last(world, self.body) else {
             return false;
         };
-        let born = &mut self.state.born;
-        let differs = |(p, a): &(usize, &f64)| is_active(**a) != born[*p];
-        let changed = active.iter().enumerate().filter(differs);
-        let changed: Vec<usize> = changed.map(|(p, _)| p).collect();
-        if changed.is_empty() {
-            return false;
-        }
         let body = world.body(self.body);
         let birth_temperature = world.read_if_provided(self.birth_temperature);
         let mut temperature = world.write(state.temperature);
         let mut enthalpy = world.write(state.enthalpy);
         let (mut heat, mut mass) = (0.0, 0.0);
         for point in changed {
+            let point = point as usize;
             let volume = body.points.volume[point];
-            born[point] = !born[point];
-            if !born[point] {
+            if !self.state.born.is_active(point) {
                 heat -= volume * enthalpy[point];
                 mass -= self.mass[point];
                 continue;
@@ -145,7 +137,7 @@ impl Growth {
 
     /// Values of a consumed field, zero at points that are not born.
     pub(super) fn masked<'a>(&self, values: &'a [f64]) -> Cow<'a, [f64]> {
-        let points = values.iter().zip(&self.state.born);
+        let points = values.iter().zip(self.state.born.active());
         let idle = |(v, born): (&f64, &bool)| *born || *v == 0.0;
         match points.clone().all(idle) {
             true => Cow::Borrowed(values),
