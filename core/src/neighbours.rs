@@ -16,6 +16,10 @@ const SEARCHED: usize = 64;
 pub(crate) struct FoundAt(Vec<Vector3<f64>>);
 
 impl FoundAt {
+    pub(crate) fn new(positions: &[Vector3<f64>]) -> FoundAt {
+        FoundAt(positions.to_vec())
+    }
+
     /// Positions (m) at which neighbours are found now.
     pub(crate) fn set(&mut self, positions: &[Vector3<f64>]) {
         self.0.clear();

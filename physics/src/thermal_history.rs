@@ -18,7 +18,7 @@
 use std::cell::OnceCell;
 
 use nalgebra::{Cholesky, SMatrix, SVector, Vector3};
-use perimelt_core::body::Body;
+use perimelt_core::body::{Body, BoxImage, BoxImages};
 use perimelt_core::cell_list::CellList;
 use perimelt_core::material::Property;
 use perimelt_core::plugin::load_points;
@@ -77,7 +77,7 @@ struct RunningHistory {
     above: Option<f64>,
     solidification: Option<f64>,
     neighbours: CellList,
-    images: OnceCell<Vec<Image>>,
+    images: OnceCell<Vec<BoxImage>>,
     /// Histories at the end of the last step.
     points: Vec<PointHistory>,
     /// Histories at the end of this step, and their changes.
@@ -365,55 +365,19 @@ fn fraction_above(before: f64, after: f64, level: f64) -> f64 {
 /// Terms of a quadratic polynomial without its constant: along three axes, squares, products.
 const TERMS: usize = 9;
 
-/// Map of points to their images: the identity, or images at planes of symmetry and beyond periodic sides.
-#[derive(Clone, Copy, Debug)]
-struct Image {
-    /// Factor of each coordinate, -1 where the image is mirrored.
-    mirror: [f64; 3],
-    /// Offset of each coordinate, m.
-    offset: [f64; 3],
-}
-
-impl Image {
-    fn of(&self, x: Vector3<f64>) -> Vector3<f64> {
-        Vector3::from_fn(|a, _| self.mirror[a] * x[a] + self.offset[a])
-    }
-
-    /// The position whose image is `x`.
-    fn origin(&self, x: Vector3<f64>) -> Vector3<f64> {
-        Vector3::from_fn(|a, _| self.mirror[a] * (x[a] - self.offset[a]))
-    }
-}
-
-/// All images of a body; the first is the body itself.
-fn images(body: &Body, symmetry: &[Face]) -> Vec<Image> {
-    let itself = Image {
-        mirror: [1.0; 3],
-        offset: [0.0; 3],
-    };
-    let mut images = vec![itself];
-    for axis in 0..body.dimension {
-        let period = body.periodic[axis].then(|| body.extent(axis));
-        let shifts = period.into_iter().flat_map(|p| [(1.0, p), (1.0, -p)]);
-        let planes = symmetry.iter().filter(|face| face.axis() == axis);
-        let mirrors = planes.map(|face| (-1.0, 2.0 * body.face_position(*face)));
-        let along: Vec<(f64, f64)> = shifts.chain(mirrors).collect();
-        for n in 0..images.len() {
-            for &(mirror, offset) in &along {
-                let mut image = images[n];
-                (image.mirror[axis], image.offset[axis]) = (mirror, offset);
-                images.push(image);
-            }
-        }
-    }
-    images
+/// All images of a body at planes of symmetry and beyond periodic sides.
+fn images(body: &Body, symmetry: &[Face]) -> Vec<BoxImage> {
+    let continues = |face: &Face| symmetry.contains(face) || body.periodic[face.axis()];
+    let faces = Face::ALL.into_iter().filter(|f| f.axis() < body.dimension);
+    let faces: Vec<Face> = faces.filter(continues).collect();
+    BoxImages::new(body, &faces, RADIUS * body.coarsest_spacing()).all()
 }
 
 /// Points of a body and their images.
 struct Neighbourhood<'a> {
     body: &'a Body,
     list: &'a CellList,
-    images: &'a [Image],
+    images: &'a [BoxImage],
 }
 
 impl Neighbourhood<'_> {
@@ -431,12 +395,12 @@ impl Neighbourhood<'_> {
         let own = field(point);
         let mut moment = SMatrix::<f64, TERMS, TERMS>::zeros();
         let mut right = SVector::<f64, TERMS>::zeros();
-        for (n, image) in images.iter().enumerate() {
+        for image in images {
             list.visit_near(&image.origin(at), RADIUS * spacing, |other| {
                 let mut xi: Vector3<f64> = (image.of(body.points.position[other]) - at) / spacing;
                 (body.dimension..3).for_each(|axis| xi[axis] = 0.0);
                 let squared = xi.norm_squared();
-                let is_itself = n == 0 && other == point;
+                let is_itself = image.is_original() && other == point;
                 if !is_itself && squared <= RADIUS * RADIUS && is_known(other) {
                     let [x, y, z] = xi.into();
                     let terms = SVector::from([x, y, z, x * x, y * y, z * z, x * y, y * z, z * x]);

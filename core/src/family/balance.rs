@@ -190,13 +190,13 @@ impl Equations<'_> {
 /// Signs of the components of a vector in each slot: images behind mirrors are reversed across them.
 fn signs(body: &Body, images: &Images) -> Vec<Vector3<f64>> {
     let mut signs = vec![Vector3::repeat(1.0); images.position.len()];
-    for ghost in &images.ghosts {
+    for ghost in &images.layers.ghosts {
         signs[ghost.slot as usize] = Vector3::from_fn(|axis, _| {
             let passes = ghost.passes[2 * axis] + ghost.passes[2 * axis + 1];
             f64::from(1 - 2 * i8::from(passes % 2 == 1))
         });
     }
-    debug_assert_eq!(signs.len(), body.points.len() + images.ghosts.len());
+    debug_assert_eq!(signs.len(), body.points.len() + images.layers.ghosts.len());
     signs
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Bond, CloudRows, Family, Store};
+use super::{Bond, Family, Store};
 
 /// Which bonds of a family are broken; they never heal. Both directions of a bond break together.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,16 +83,11 @@ impl Bits<'_> {
 impl Family {
     /// No bond broken.
     pub fn unbroken(&self) -> BrokenBonds {
-        let most = match &self.store {
-            // blocks count as the stencil does
-            Store::Lattice(bonds, _) | Store::Growing(bonds, _) => bonds.stencil.bonds.len(),
-            Store::List(_, rows)
-            | Store::Cloud(CloudRows { rows, .. })
-            | Store::Moving(CloudRows { rows, .. }, _) => {
-                let lengths = rows.start.windows(2).map(|s| s[1] - s[0]);
-                lengths.max().unwrap_or(0)
-            }
-        };
+        let stencil = self.store.stencil_bonds().map(|b| b.stencil.bonds.len());
+        let rows = self.store.rows().map_or(&[][..], |rows| &rows.start);
+        let longest = rows.windows(2).map(|s| s[1] - s[0]).max();
+        // blocks count as the stencil does
+        let most = stencil.or(longest).unwrap_or(0);
         let stride = most.div_ceil(64);
         BrokenBonds {
             stride,

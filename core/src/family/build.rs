@@ -8,9 +8,7 @@ use crate::body::{self, Body, Discretisation, Face, Lattice, Part};
 
 use super::blocks::{BLOCK, BlockBuilder};
 use super::lattice::{LatticeBonds, Member};
-use super::{
-    Bond, Chunk, CloudRows, Family, FamilyError, FamilySpec, Rows, Span, StencilBonds, Store,
-};
+use super::{Chunk, Family, FamilyError, FamilySpec, Rows, Span, StencilBonds, Store};
 use crate::body::Cut;
 
 /// Points per chunk: small enough to balance two to many cores, large enough to amortise.
@@ -32,20 +30,12 @@ impl Family {
     /// # Errors
     /// See [`Family::build`]; also for corrections that need the whole body.
     pub fn of_part(part: &Part, spec: &FamilySpec) -> Result<Family, FamilyError> {
-        let Part {
-            body,
-            owned,
-            numbers,
-        } = part;
-        let owned = *owned;
-        let mut family = Family::of_share(
-            Share {
-                body,
-                owned,
-                numbers,
-            },
-            spec,
-        )?;
+        let share = Share {
+            body: &part.body,
+            owned: part.owned,
+            numbers: &part.numbers,
+        };
+        let mut family = Family::of_share(share, spec)?;
         family.forget_unreached();
         Ok(family)
     }
@@ -83,14 +73,6 @@ impl Family {
         let horizon = spec.horizon.of(lattice.spacing);
         let (bonds, grid) = LatticeBonds::new(share, lattice, spec)?;
         let cuts = cuts(body, spec);
-        let severed = |point: usize, bond: &Bond| {
-            let from = &body.points.position[point];
-            // most points are far from all cuts
-            cuts.iter().any(|cut| {
-                cut.distance(from).abs() <= 2.0 * bond.length
-                    && cut.crosses(from, &(from + Vector3::from(bond.xi)))
-            })
-        };
         let mut rows = Rows::new();
         let mut layer_rows = Rows::new();
         let mut blocks = BlockBuilder::new(bonds.steps.len());
@@ -99,10 +81,10 @@ impl Family {
         let mut in_runs = vec![false; owned.len()];
         let mut number = 0;
         for (point, &slot) in bonds.slot_of_point.iter().enumerate() {
-            let members = || {
-                let members = bonds.members(point);
-                members.filter(|m| cuts.is_empty() || !severed(point, m.bond))
-            };
+            let from = &body.points.position[point];
+            let end = |m: &Member<'_>| from + Vector3::from(m.bond.xi);
+            let is_whole = |m: &Member<'_>| !severed(&cuts, from, &end(m));
+            let members = || bonds.members(point).filter(is_whole);
             let count = if bonds.is_complete(point) && cuts.is_empty() {
                 bonds.steps.len()
             } else {
@@ -117,10 +99,8 @@ impl Family {
                 continue;
             }
             if count == 0 {
-                return Err(FamilyError::NoNeighbours {
-                    at: body.points.position[point].into(),
-                    horizon,
-                });
+                let at = (*from).into();
+                return Err(FamilyError::NoNeighbours { at, horizon });
             }
             number += count;
             let weighted = |m: Member<'_>| (m.step, m.slot as u32, bonds.weights(point, &m));
@@ -194,6 +174,13 @@ pub(super) fn continued_faces(body: &Body, spec: &FamilySpec) -> Vec<Face> {
     faces.filter(goes_on).collect()
 }
 
+/// Whether a cut separates two points.
+pub(super) fn severed(cuts: &[Cut], from: &Vector3<f64>, to: &Vector3<f64>) -> bool {
+    // most points are far from all cuts
+    let is_near = |cut: &&Cut| cut.distance(from).abs() <= 2.0 * (to - from).norm();
+    cuts.iter().filter(is_near).any(|cut| cut.crosses(from, to))
+}
+
 /// The cuts of the body and their images behind the faces where it continues.
 pub(super) fn cuts(body: &Body, spec: &FamilySpec) -> Vec<Cut> {
     let mut cuts = body.cuts.clone();
@@ -231,21 +218,18 @@ pub(super) fn chunks(store: &Store) -> Vec<Chunk> {
         let starts = (0..len).step_by(step);
         starts.map(move |first| first..(first + step).min(len))
     };
-    let bonds = match store {
-        Store::Lattice(bonds, _) | Store::Growing(bonds, _) => bonds,
-        // a row costs a few times a lane of a run
-        Store::List(_, rows)
-        | Store::Cloud(CloudRows { rows, .. })
-        | Store::Moving(CloudRows { rows, .. }, _) => {
-            let rows = parts(rows.point.len(), CHUNK_POINTS as usize / 4);
-            let chunk = |rows| Chunk {
-                rows,
-                ..Chunk::default()
-            };
-            return rows.map(chunk).collect();
-        }
-    };
     let mut chunks = Vec::new();
+    if let Some(rows) = store.rows() {
+        // a row costs a few times a lane of a run
+        let rows = parts(rows.point.len(), CHUNK_POINTS as usize / 4);
+        chunks.extend(rows.map(|rows| Chunk {
+            rows,
+            ..Chunk::default()
+        }));
+    }
+    let Some(bonds) = store.stencil_bonds() else {
+        return chunks;
+    };
     let (mut first, mut points) = (0, 0);
     for (index, run) in bonds.runs.iter().enumerate() {
         points += run.len;

@@ -4,14 +4,13 @@
 //! (Wang (2025), eqs. 5.5, 5.12, 5.13; Khoshrou (2024), eq. 82). The partial volume of a
 //! bond belongs to the owner of the horizon: its horizon and the spacing of the other end.
 
-use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::body::Body;
 use crate::cell_list::CellList;
 
 use super::balance::Balance;
-use super::build::{Share, chunks, cuts};
+use super::build::{Share, chunks, cuts, severed};
 use super::calibration::{Calibration, factor_along};
 use super::images::Images;
 use super::kernel::ROW_LANES;
@@ -157,6 +156,15 @@ impl<'a> CloudBonds<'a> {
         Ok(self.calibration.factors(self.horizon[point], own()))
     }
 
+    /// Whether a cut separates the ends of a bond, whichever end is `point`.
+    fn severed(&self, cuts: &[Cut], point: usize, slot: usize) -> bool {
+        let Images { position, rank, .. } = &self.images;
+        match rank[point] < rank[slot] {
+            true => severed(cuts, &position[point], &position[slot]),
+            false => severed(cuts, &position[slot], &position[point]),
+        }
+    }
+
     fn no_neighbours(&self, body: &Body, point: usize) -> FamilyError {
         FamilyError::NoNeighbours {
             at: body.points.position[point].into(),
@@ -198,9 +206,7 @@ impl Family {
             .into_par_iter()
             .map(|p| {
                 let mut row = corrected(p);
-                row.retain(|(slot, bond)| {
-                    !severed(&cuts, &bonds.images.position, p, *slot as usize, bond)
-                });
+                row.retain(|(slot, _)| !bonds.severed(&cuts, p, *slot as usize));
                 if let Some(balance) = &balance {
                     for (slot, bond) in &mut row {
                         let factor = balance.factor(p, *slot as usize, bond);
@@ -277,7 +283,7 @@ impl Family {
         // the sweep relies on it
         assert!(end_in_slots(&cloud.rows) && end_in_slots(&self.layer_rows));
         cloud.places.at = std::array::from_fn(|a| images.position.iter().map(|x| x[a]).collect());
-        self.slots.set_ghosts(images.ghosts, images.layers);
+        self.slots.set_ghosts(images.layers);
         self.chunks = chunks(&self.store);
     }
 }
@@ -291,20 +297,6 @@ impl CloudRows {
         };
         CloudRows { places, rows }
     }
-}
-
-/// Whether a cut separates the ends of a bond, whichever end is `point`.
-fn severed(
-    cuts: &[Cut],
-    position: &[Vector3<f64>],
-    point: usize,
-    slot: usize,
-    bond: &Bond,
-) -> bool {
-    let (from, to) = (&position[point.min(slot)], &position[point.max(slot)]);
-    // most points are far from all cuts
-    cuts.iter()
-        .any(|cut| cut.distance(from).abs() <= 2.0 * bond.length && cut.crosses(from, to))
 }
 
 impl Rows {

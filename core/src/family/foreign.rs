@@ -18,10 +18,11 @@ use std::ops::Range;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use crate::body::{Body, Face};
+use crate::body::{Body, BoxImage, BoxImages};
 use crate::cell_list::CellList;
 use crate::neighbours::{self, FoundAt, Reaching};
 
+use super::build::continued_faces;
 use super::{Bond, FamilySpec};
 
 /// Width of the skin as a fraction of the spacing of the body.
@@ -35,21 +36,19 @@ const POINTS: usize = 64;
 pub struct ForeignGhost {
     /// The foreign point.
     pub point: usize,
-    /// Sign of each component of its vectors: -1 where mirrored.
-    pub mirror: [f64; 3],
-    /// Twice the position of the face that mirrored it along each axis, m.
-    offset: [f64; 3],
+    /// The image.
+    image: BoxImage,
 }
 
 impl ForeignGhost {
     /// Position, m.
     fn place(&self, foreign: &[Vector3<f64>]) -> Vector3<f64> {
-        self.reflect(foreign[self.point]) + Vector3::from(self.offset)
+        self.image.of(foreign[self.point])
     }
 
     /// Mirrors a vector of the foreign point to the ghost, or back.
     pub fn reflect(&self, vector: Vector3<f64>) -> Vector3<f64> {
-        vector.component_mul(&Vector3::from(self.mirror))
+        self.image.reflect(vector)
     }
 }
 
@@ -62,10 +61,10 @@ pub struct ForeignBonds {
     moment: f64,
     /// m.
     spacing: f64,
-    /// Axis and position (m) of mirrored faces.
-    mirrors: Vec<(usize, f64)>,
-    /// Periodic axes and the positions of their faces, m.
-    periods: Vec<(usize, [f64; 2])>,
+    /// Distance within which bonds are found, m.
+    reach: f64,
+    images: BoxImages,
+    periodic: [bool; 3],
     cells: CellList,
     /// Where own and foreign points were when the bonds were found.
     found_at: [FoundAt; 2],
@@ -110,17 +109,16 @@ impl ForeignBonds {
     pub fn new(body: &Body, spec: &FamilySpec) -> ForeignBonds {
         let spacing = body.finest_spacing();
         let horizon = spec.horizon.of(spacing);
-        let faces = spec.layers.iter().filter(|f| !body.periodic[f.axis()]);
-        let mirror = |f: &Face| (f.axis(), body.face_position(*f));
-        let periodic = (0..body.dimension).filter(|axis| body.periodic[*axis]);
-        let ends = |axis: usize| [0, 1].map(|end| body.face_position(Face::ALL[2 * axis + end]));
+        let reach = spec.reach(horizon, spacing) + SKIN * spacing;
+        let faces = continued_faces(body, spec);
         ForeignBonds {
             spec: spec.clone(),
             horizon,
             moment: spec.moment(body, horizon),
             spacing,
-            mirrors: faces.map(mirror).collect(),
-            periods: periodic.map(|axis| (axis, ends(axis))).collect(),
+            reach,
+            images: BoxImages::new(body, &faces, reach),
+            periodic: body.periodic,
             cells: CellList::default(),
             found_at: Default::default(),
             ghosts: Vec::new(),
@@ -145,53 +143,32 @@ impl ForeignBonds {
         self.weigh(own, foreign);
     }
 
-    fn reach(&self) -> f64 {
-        self.spec.reach(self.horizon, self.spacing) + SKIN * self.spacing
-    }
-
-    /// Foreign points and their images behind mirrored and periodic faces, with their positions (m).
-    fn images(&self, foreign: &[Vector3<f64>]) -> (Vec<ForeignGhost>, Vec<Vector3<f64>>) {
-        let as_it_is = |point| ForeignGhost {
+    /// Foreign points and their images behind mirrored and periodic faces.
+    fn images(&self, foreign: &[Vector3<f64>]) -> Vec<ForeignGhost> {
+        let mut images = Vec::new();
+        let (reach, periodic) = (self.reach, self.periodic);
+        for (point, x) in foreign.iter().enumerate() {
+            self.images.for_each_near(x, |image, depth| {
+                // copies of points beyond a periodic side lie inside
+                let is_near = |axis: usize| periodic[axis] || depth[axis].abs() <= reach;
+                if (0..3).all(is_near) {
+                    images.push(ForeignGhost { point, image });
+                }
+            });
+        }
+        let face = |image: &BoxImage| image.last_step(periodic).map(|step| step.face);
+        images.sort_by_key(|g| (g.image.level(), face(&g.image), g.point, g.image.n));
+        let itself = |point| ForeignGhost {
             point,
-            mirror: [1.0; 3],
-            offset: [0.0; 3],
+            image: BoxImage::ORIGINAL,
         };
-        let mut ghosts: Vec<_> = (0..foreign.len()).map(as_it_is).collect();
-        let mut positions = foreign.to_vec();
-        let reach = self.reach();
-        for &(axis, [low, high]) in &self.periods {
-            for n in 0..ghosts.len() {
-                let at = positions[n][axis];
-                let shifts = [
-                    (at <= low + reach, high - low),
-                    (at >= high - reach, low - high),
-                ];
-                for (_, shift) in shifts.into_iter().filter(|(is_near, _)| *is_near) {
-                    let (mut ghost, mut x) = (ghosts[n], positions[n]);
-                    ghost.offset[axis] = shift;
-                    x[axis] += shift;
-                    ghosts.push(ghost);
-                    positions.push(x);
-                }
-            }
-        }
-        for &(axis, face) in &self.mirrors {
-            for n in 0..ghosts.len() {
-                let (mut ghost, mut x) = (ghosts[n], positions[n]);
-                if ghost.mirror[axis] > 0.0 && (x[axis] - face).abs() <= reach {
-                    (ghost.mirror[axis], ghost.offset[axis]) = (-1.0, 2.0 * face);
-                    x[axis] = 2.0 * face - x[axis];
-                    ghosts.push(ghost);
-                    positions.push(x);
-                }
-            }
-        }
-        (ghosts, positions)
+        (0..foreign.len()).map(itself).chain(images).collect()
     }
 
     fn find(&mut self, own: &[Vector3<f64>], foreign: &[Vector3<f64>]) {
-        let (ghosts, places) = self.images(foreign);
-        let reach = self.reach();
+        let ghosts = self.images(foreign);
+        let places: Vec<_> = ghosts.iter().map(|ghost| ghost.place(foreign)).collect();
+        let reach = self.reach;
         let [own_reach, reaches] = [own.len(), places.len()].map(|n| vec![reach; n]);
         let owners = Reaching {
             positions: own,
@@ -388,6 +365,7 @@ fn add_all<const O: usize>(parts: impl Iterator<Item = [f64; O]>) -> [f64; O] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::body::Face;
     use crate::family::{Correction, Family, Influence};
     use crate::shape::{BoxShape, Shape};
 

@@ -141,7 +141,12 @@ impl Family {
             true => Vec::new(),
             false => (0..points as u32).filter(audited).collect(),
         };
-        let mut images: Vec<(u32, u32)> = bonds.ghosts.iter().map(|g| (g.point, g.slot)).collect();
+        let mut images: Vec<(u32, u32)> = bonds
+            .layers
+            .ghosts
+            .iter()
+            .map(|g| (g.point, g.slot))
+            .collect();
         images.sort_unstable();
         let parts = parts(&stretches(&bonds.slot_of_point, |_| true));
         let mut part_of_point = vec![0; points];

@@ -1,17 +1,17 @@
 //! Bonds of the points of a lattice: slots, what each of them mirrors, the stencil, and the weights of bonds by the
 //! families of both ends.
 
-use std::collections::BTreeMap;
-
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use crate::body::{Body, Face, Lattice};
+use crate::body::{Body, BoxImage, BoxImages, Face, Lattice};
 
 use super::blocks::BLOCK;
 use super::build::{Share, continued_faces, stretches};
 use super::calibration::{Calibration, factor_along};
+use super::images::{Layers, PointImage};
 use super::layer::SlotGrid;
-use super::{Bond, FamilyError, FamilySpec, Ghost, PointSlots, Slots, Stencil, StencilBond};
+use super::{Bond, FamilyError, FamilySpec, PointSlots, Slots, Stencil, StencilBond};
 
 /// A slot without a point or layer point.
 pub(super) const EMPTY: u32 = u32::MAX;
@@ -28,8 +28,7 @@ pub(super) struct LatticeBonds {
     pub(super) present: Vec<bool>,
     /// Whether each slot belongs to an audited layer.
     pub(super) audited: Vec<bool>,
-    pub(super) ghosts: Vec<Ghost>,
-    layers: Vec<(Face, std::ops::Range<usize>)>,
+    pub(super) layers: Layers,
     calibration: Calibration,
     /// m.
     horizon: f64,
@@ -85,12 +84,12 @@ impl LatticeBonds {
             mirror_of[slot as usize] = point as u32;
         }
         let faces = continued_faces(body, spec);
-        let (ghosts, layers) = mirror(body, lattice, &faces, &padded, &mut mirror_of);
-        let grid = SlotGrid::new(body, lattice, &padded, &mirror_of, &ghosts);
+        let layers = mirror(body, lattice, &faces, &padded, &mut mirror_of);
+        let grid = SlotGrid::new(body, lattice, &padded, &mirror_of, &layers.ghosts);
         // a corner mirrors a mirror: it is audited when any face on its way is
         let mut audited = vec![false; padded.len()];
-        for (face, range) in &layers {
-            for ghost in &ghosts[range.clone()] {
+        for (face, range) in &layers.faces {
+            for ghost in &layers.ghosts[range.clone()] {
                 audited[ghost.slot as usize] =
                     spec.audited.contains(face) || audited[ghost.source as usize];
             }
@@ -107,7 +106,6 @@ impl LatticeBonds {
             present: mirror_of.iter().map(|&point| point != EMPTY).collect(),
             mirror_of,
             audited,
-            ghosts,
             layers,
             calibration,
             horizon,
@@ -228,7 +226,7 @@ impl LatticeBonds {
             periodic: share.body.periodic,
             ..Slots::default()
         };
-        slots.set_ghosts(self.ghosts.clone(), self.layers.clone());
+        slots.set_ghosts(self.layers.clone());
         slots
     }
 
@@ -279,12 +277,6 @@ impl PaddedLattice {
         let inside = (0..3).all(|a| shifted[a] >= 0 && shifted[a] < self.cells[a] as i64);
         let [i, j, k] = shifted.map(|c| c as usize);
         inside.then(|| (k * self.cells[1] + j) * self.cells[0] + i)
-    }
-
-    fn cell(&self, slot: usize) -> [i64; 3] {
-        let [nx, ny, _] = self.cells;
-        let shifted = [slot % nx, slot / nx % ny, slot / (nx * ny)];
-        std::array::from_fn(|a| shifted[a] as i64 + self.first[a])
     }
 
     fn len(&self) -> usize {
@@ -340,80 +332,53 @@ pub(super) fn stencil(
     members
 }
 
-/// Layer points behind `faces`, each the image of a point or of an earlier layer point, a copy where
-/// the body is periodic; repeated until edges, corners and bodies thinner than the horizon
-/// are complete. Returned in the order in which they must be filled.
+/// Layer points behind `faces`, each the image of a point or of an earlier layer point, a copy where the body is periodic. They
+/// are made by going through the faces again and again until edges, corners and bodies thinner than the horizon are complete.
 fn mirror(
     body: &Body,
     lattice: &Lattice,
     faces: &[Face],
     padded: &PaddedLattice,
     mirror_of: &mut [u32],
-) -> (Vec<Ghost>, Vec<(Face, std::ops::Range<usize>)>) {
-    let mut ghosts: Vec<Ghost> = Vec::new();
-    let mut ghost_in = BTreeMap::new();
-    let mut layers = Vec::new();
-    loop {
-        let before = ghosts.len();
-        for &face in faces {
-            let first = ghosts.len();
-            let axis = face.axis();
-            for depth in 0..padded.pad[axis] {
-                // cells at `depth` behind the face mirror those at the same depth before it, or copy those
-                // before the opposite face
-                let size = lattice.cells[axis] as i64;
-                let periodic = body.periodic[axis];
-                let (outer, inner) = match (face.is_upper(), periodic) {
-                    (true, false) => (size + depth, size - 1 - depth),
-                    (true, true) => (size + depth, depth),
-                    (false, false) => (-1 - depth, depth),
-                    (false, true) => (-1 - depth, size - 1 - depth),
-                };
-                for slot in 0..padded.len() / padded.cells[axis] {
-                    let mut cell = plane_cell(padded, axis, slot);
-                    cell[axis] = outer;
-                    let target = padded.slot(cell);
-                    cell[axis] = inner;
-                    let Some((target, source)) = target.zip(padded.slot(cell)) else {
-                        continue;
-                    };
-                    if mirror_of[target] == EMPTY && mirror_of[source] != EMPTY {
-                        mirror_of[target] = mirror_of[source];
-                        let parent: Option<u32> = ghost_in.get(&source).copied();
-                        let mut passes = parent.map_or([0; 6], |g| ghosts[g as usize].passes);
-                        passes[face as usize] += u8::from(!periodic);
-                        ghost_in.insert(target, ghosts.len() as u32);
-                        ghosts.push(Ghost {
-                            slot: target as u32,
-                            source: source as u32,
-                            parent,
-                            point: mirror_of[source],
-                            passes,
-                        });
-                    }
-                }
-            }
-            if ghosts.len() > first {
-                layers.push((face, first..ghosts.len()));
-            }
-        }
-        if ghosts.len() == before {
-            return (ghosts, layers);
-        }
-    }
-}
-
-/// The `index`-th cell of the padded plane normal to `axis`.
-fn plane_cell(padded: &PaddedLattice, axis: usize, index: usize) -> [i64; 3] {
-    let [u, v] = match axis {
-        0 => [1, 2],
-        1 => [0, 2],
-        _ => [0, 1],
+) -> Layers {
+    let ends = [[0.0; 3], lattice.cells.map(|n| n as f64)];
+    let reach = padded.pad.into_iter().max().unwrap_or(0) as f64;
+    let images = BoxImages::of_box(ends, body.periodic, faces, reach);
+    let centre = |point: u32| {
+        let cell = lattice.cell_of_point[point as usize];
+        Vector3::from(cell.map(|c| f64::from(c) + 0.5))
     };
-    let mut cell = padded.cell(0);
-    cell[u] += (index % padded.cells[u]) as i64;
-    cell[v] += (index / padded.cells[u]) as i64;
-    cell
+    let slot = |point: u32, image: BoxImage| {
+        let at = image.of(centre(point));
+        padded.slot(at.map(|x| x.floor() as i64).into())
+    };
+    let mut near = Vec::new();
+    for point in 0..lattice.cell_of_point.len() as u32 {
+        images.for_each_near(&centre(point), |image, _| {
+            if let Some(step) = image.last_step(body.periodic)
+                && slot(point, image).is_some()
+            {
+                near.push(PointImage {
+                    point,
+                    image,
+                    face: step.face,
+                    order: step.pass,
+                });
+            }
+        });
+    }
+    near.sort_by_key(|i| (i.order, i.face, i.point, i.image.n));
+    let in_slot = |point: u32, image: BoxImage| {
+        let slot = slot(point, image);
+        slot.expect("points and their images lie inside the padded lattice") as u32
+    };
+    let place = |i: &PointImage, _| {
+        let slot = in_slot(i.point, i.image);
+        mirror_of[slot as usize] = i.point;
+        slot
+    };
+    let slot_of = |point| in_slot(point, BoxImage::ORIGINAL);
+    Layers::new(&near, body.periodic, slot_of, place)
 }
 
 #[cfg(test)]
@@ -427,11 +392,11 @@ mod tests {
             cells: [7, 5, 4],
             pad: [2, 1, 0],
         };
-        for slot in 0..padded.len() {
-            let cell = padded.cell(slot);
+        let rows = (0..4).flat_map(|k| (-1..4).map(move |j| (j, k)));
+        let cells = rows.flat_map(|(j, k)| (-2..5).map(move |i| [i, j, k]));
+        for (slot, cell) in cells.enumerate() {
             assert_eq!(padded.slot(cell), Some(slot), "{cell:?}");
         }
-        assert_eq!(padded.cell(0), [-2, -1, 0]);
         assert_eq!(padded.slot([-3, 0, 0]), None);
         assert_eq!(padded.slot([5, 0, 0]), None);
     }

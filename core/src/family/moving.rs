@@ -138,7 +138,7 @@ impl Family {
             true => Rows::joined(&[]),
             false => cloud.rows.of_columns(&images.audited),
         };
-        let ghosts = images.ghosts.iter_mut();
+        let ghosts = images.layers.ghosts.iter_mut();
         ghosts.for_each(|g| g.point = order[g.point as usize]);
         self.take_images(images);
     }

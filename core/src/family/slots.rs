@@ -6,6 +6,8 @@ use rayon::prelude::*;
 
 use crate::body::Face;
 
+use super::images::Layers;
+
 /// Slots that a thread fills at a time.
 pub(super) const SLOTS: usize = 1 << 14;
 
@@ -150,7 +152,8 @@ impl Slots {
     }
 
     /// Lays out the ghosts.
-    pub(super) fn set_ghosts(&mut self, ghosts: Vec<Ghost>, layers: Vec<(Face, Range<usize>)>) {
+    pub(super) fn set_ghosts(&mut self, layers: Layers) {
+        let Layers { ghosts, faces } = layers;
         let from_point = |ghost: &Ghost| {
             let mut first = ghost;
             while let Some(parent) = first.parent {
@@ -161,7 +164,7 @@ impl Slots {
         };
         let corners = ghosts.iter().filter(|g| g.is_corner());
         self.corners = corners.map(from_point).collect();
-        (self.ghosts, self.layers) = (ghosts, layers);
+        (self.ghosts, self.layers) = (ghosts, faces);
     }
 
     pub(super) fn memory(&self) -> usize {

@@ -100,6 +100,15 @@ impl Store {
         }
     }
 
+    /// Rows of points; `None` where bonds are those of a stencil.
+    pub(super) fn rows(&self) -> Option<&Rows> {
+        match self {
+            Store::Lattice(..) | Store::Growing(..) => None,
+            Store::List(_, rows) => Some(rows),
+            Store::Cloud(cloud) | Store::Moving(cloud, _) => Some(&cloud.rows),
+        }
+    }
+
     pub(super) fn growth(&self) -> Option<&GrowingBonds> {
         match self {
             Store::Growing(_, growth) => Some(growth),
