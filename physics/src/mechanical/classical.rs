@@ -179,7 +179,7 @@ mod tests {
     }
 
     /// `sigma = lame tr(e) 1 + 2 shear e` of the strain e without eigenstrain and inelastic strain, and half of their product
-    /// as energy. Of a bar `sigma = E e`.
+    /// as energy; in a bar `sigma = E e`.
     #[test]
     fn stress_and_energy_are_those_of_hookes_law() {
         let inelastic = [1e-4, -2e-4, 5e-5, 3e-5, -4e-5, 2e-5];

@@ -23,8 +23,9 @@
 //! | `energy`, `energy_watch` | energies of explicit motion, and a watch over them |
 //! | `validity` | warnings of states outside the validity of the model |
 //! | `layer_forces` | forces of bonds to layers that are no symmetric images |
-//! | [`solid`] | what the solvers need of a formulation |
-//! | [`ordinary`], [`stretch`] | bond-based and ordinary state-based solids, and their bond kernels |
+//! | [`solid`], `base` | what the solvers need of a formulation, and what all formulations have |
+//! | [`plasticity`] | plastic flow: the law [`plasticity::FlowLaw`], and the states of points |
+//! | [`ordinary`], [`stretch`] | bond-based and ordinary state-based solids, their bond kernels and the law [`stretch::BondLaw`] |
 //! | [`correspondence`] | correspondence solids |
 //! | [`fracture`], [`interfaces`] | breaking bonds; strength between materials and across interfaces |
 //! | `stress_free` | stress-free strains that vary in space, as seen by the shape tensor |

@@ -3,7 +3,7 @@
 use super::step::MechanicalRun;
 use nalgebra::Vector3;
 use perimelt_core::body::{Jitter, Store};
-use perimelt_core::{Body, BrokenBonds, Family, Setup, World};
+use perimelt_core::{Body, BrokenBonds, Family, Setup, World, keys};
 
 use super::Mechanical;
 use super::classical::COMPONENTS;
@@ -244,5 +244,29 @@ fn stress_follows_from_strains_that_are_not_compatible() {
             .collect();
         let found = residuals(&mut **solid, &swollen, false);
         assert!(found.iter().all(|r| *r < 1e-14), "{formulation}: {found:?}");
+    }
+}
+
+/// Bonds along themselves have no inherent strain: set-up refuses it, so that no solid ignores it.
+#[test]
+fn an_inherent_strain_is_refused_where_points_have_no_stress() {
+    for (formulation, is_refused) in [
+        ("bond", true),
+        ("ordinary", true),
+        ("correspondence", false),
+    ] {
+        let body = block([9, 8, 1], 2, 1e-3, Store::Lattice, MATERIAL);
+        let mut world = World::new(vec![body]);
+        let mut setup = Setup::new(&mut world, std::path::Path::new("."));
+        setup.next_plugin("strain");
+        setup.add(0, &keys::INHERENT_STRAIN).expect("a field");
+        setup.next_plugin("mechanical");
+        let mechanical: Mechanical = read(&format!("formulation = '{formulation}'"));
+        let error = mechanical.ready(&mut setup).err();
+        let message = error.map(|error| format!("{error:?}"));
+        assert_eq!(message.is_some(), is_refused, "{formulation}");
+        let names =
+            |message: String| message.contains("do not support a body with an inherent strain");
+        assert!(message.is_none_or(names), "{formulation}");
     }
 }
