@@ -1,5 +1,7 @@
 //! What can go wrong at set-up and during a run.
 
+use std::fmt;
+
 use crate::body::{BodyError, HorizonError};
 use crate::family::FamilyError;
 use crate::text::{number, position};
@@ -18,11 +20,65 @@ pub struct SetupError {
     pub problem: Problem,
 }
 
+/// What is wrong, in words that are kept apart until they are shown.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Explanation {
+    /// What is wrong.
+    pub message: String,
+    /// What is expected in its place, or the nearest known name; may be empty.
+    pub expected: String,
+    /// What to do, or the known names; may be empty.
+    pub help: String,
+}
+
+impl Explanation {
+    /// An explanation by its message alone.
+    pub fn new(message: impl Into<String>) -> Self {
+        Explanation {
+            message: message.into(),
+            ..Explanation::default()
+        }
+    }
+
+    /// The explanation with the value that is expected.
+    #[must_use]
+    pub fn expected(mut self, expected: impl fmt::Display) -> Self {
+        self.expected = format!("expected {expected}");
+        self
+    }
+
+    /// The explanation with what to do.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = help.into();
+        self
+    }
+
+    /// The explanation with the known name nearest to `name`, else all of them.
+    #[must_use]
+    pub fn suggest(mut self, name: &str, known: &[String]) -> Self {
+        match nearest(name, known.iter().map(String::as_str)) {
+            Some(close) => self.expected = format!("did you mean `{close}`?"),
+            None if known.is_empty() => self.help = "there is none".into(),
+            None => self.help = format!("known: {}", known.join(", ")),
+        }
+        self
+    }
+}
+
+impl fmt::Display for Explanation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)?;
+        let rest = [&self.expected, &self.help].into_iter();
+        rest.filter(|part| !part.is_empty())
+            .try_for_each(|part| write!(f, "; {part}"))
+    }
+}
+
 /// What is wrong at set-up.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug)]
 pub enum Problem {
     /// A name that nothing has.
-    #[error("no {what} is called `{name}`{}", suggestion(name, known))]
     UnknownName {
         /// What was looked for: body, region, material ...
         what: &'static str,
@@ -32,13 +88,8 @@ pub enum Problem {
         known: Vec<String>,
     },
     /// `body` was left out although there are several.
-    #[error("`body` is needed, because the case has several bodies: {}", .0.join(", "))]
     WhichBody(Vec<String>),
     /// A region that selects no point.
-    #[error(
-        "region `{region}` holds no point of body `{body}`: the body spans {} to {} m with points every {} m",
-        position(*from), position(*to), number(*spacing, 5)
-    )]
     EmptyRegion {
         /// The region.
         region: String,
@@ -52,9 +103,6 @@ pub enum Problem {
         spacing: f64,
     },
     /// A material lacks a property.
-    #[error(
-        "material `{material}` of body `{body}` has no `{property}`; give it under `[materials.{material}]`"
-    )]
     MissingProperty {
         /// The material.
         material: String,
@@ -64,10 +112,6 @@ pub enum Problem {
         property: String,
     },
     /// A field that is read but never written.
-    #[error(
-        "field `{field}` of body `{body}` is read by `{plugin}`, but nobody provides it{}",
-        providers(provided)
-    )]
     NobodyProvides {
         /// The field.
         field: String,
@@ -79,7 +123,6 @@ pub enum Problem {
         provided: Vec<String>,
     },
     /// A field that is added to but never consumed.
-    #[error("`{plugin}` adds to field `{field}` of body `{body}`, but no physics consumes it")]
     NobodyConsumes {
         /// The field.
         field: String,
@@ -89,9 +132,6 @@ pub enum Problem {
         plugin: String,
     },
     /// Two plugins own or write a field.
-    #[error(
-        "field `{field}` of body `{body}` is already written by `{first}`: remove one of the two"
-    )]
     TwoWriters {
         /// The field.
         field: String,
@@ -101,7 +141,6 @@ pub enum Problem {
         first: String,
     },
     /// A field known with another type.
-    #[error("field `{field}` is used with {asked} components here and {present} elsewhere")]
     FieldType {
         /// The field.
         field: String,
@@ -111,30 +150,21 @@ pub enum Problem {
         present: usize,
     },
     /// Couplers that wait for each other.
-    #[error("these couplers wait for each other: {}", .0.join(" -> "))]
     Cycle(Vec<String>),
     /// A fixed step above the stable one.
-    #[error(
-        "the step {} s of `{physics}` is above its largest stable step {} s; use `step = \"auto\"` or a smaller value",
-        number(*fixed, 5), number(*stable, 5)
-    )]
     UnstableStep {
         /// The physics.
         physics: String,
-        /// As asked for, s.
+        /// The value in the case, s.
         fixed: f64,
         /// Largest stable one, s.
         stable: f64,
     },
     /// A fixed step above the stable one of a coupler.
-    #[error(
-        "the step {} s of `{physics}` is above the largest stable step {} s of `{coupler}`; use `step = \"auto\"` or a smaller value",
-        number(*fixed, 5), number(*stable, 5)
-    )]
     UnstableExchange {
         /// The physics.
         physics: String,
-        /// As asked for, s.
+        /// The value in the case, s.
         fixed: f64,
         /// The coupler.
         coupler: String,
@@ -142,7 +172,6 @@ pub enum Problem {
         stable: f64,
     },
     /// A value that does not make sense.
-    #[error("{message}; expected {expected}")]
     Value {
         /// What is wrong.
         message: String,
@@ -150,14 +179,131 @@ pub enum Problem {
         expected: String,
     },
     /// A family that cannot be built.
-    #[error(transparent)]
-    Family(#[from] FamilyError),
+    Family(FamilyError),
     /// A body that cannot be built.
-    #[error(transparent)]
-    Body(#[from] BodyError),
+    Body(BodyError),
     /// A plugin's own reason.
-    #[error(transparent)]
     Other(Cause),
+}
+
+impl Problem {
+    /// The problem in words.
+    pub fn explain(&self) -> Explanation {
+        match self {
+            Problem::UnknownName { what, name, known } => {
+                Explanation::new(format!("no {what} is called `{name}`")).suggest(name, known)
+            }
+            Problem::WhichBody(bodies) => Explanation::new(format!(
+                "`body` is needed, because the case has several bodies: {}",
+                bodies.join(", ")
+            )),
+            Problem::EmptyRegion {
+                region,
+                body,
+                from,
+                to,
+                spacing,
+            } => Explanation::new(format!(
+                "region `{region}` holds no point of body `{body}`: the body spans {} to {} m with points every {} m",
+                position(*from),
+                position(*to),
+                number(*spacing, 5)
+            )),
+            Problem::MissingProperty {
+                material,
+                body,
+                property,
+            } => Explanation::new(format!(
+                "material `{material}` of body `{body}` has no `{property}`"
+            ))
+            .help(format!("give it under `[materials.{material}]`")),
+            Problem::NobodyProvides {
+                field,
+                body,
+                plugin,
+                provided,
+            } => {
+                let explanation = Explanation::new(format!(
+                    "`{plugin}` reads field `{field}` of body `{body}`, which no physics or coupler provides"
+                ));
+                match provided.is_empty() {
+                    true => explanation,
+                    false => explanation.help(format!("provided are: {}", provided.join(", "))),
+                }
+            }
+            Problem::NobodyConsumes {
+                field,
+                body,
+                plugin,
+            } => Explanation::new(format!(
+                "`{plugin}` adds to field `{field}` of body `{body}`, but no physics consumes it"
+            )),
+            Problem::TwoWriters { field, body, first } => Explanation::new(format!(
+                "field `{field}` of body `{body}` is already written by `{first}`: remove one of the two"
+            )),
+            Problem::FieldType {
+                field,
+                asked,
+                present,
+            } => Explanation::new(format!(
+                "field `{field}` is used with {asked} components here and {present} elsewhere"
+            )),
+            Problem::Cycle(couplers) => Explanation::new(format!(
+                "cyclic dependency between couplers: {}",
+                couplers.join(" -> ")
+            )),
+            Problem::UnstableStep {
+                physics,
+                fixed,
+                stable,
+            } => Explanation::new(format!(
+                "the step {} s of `{physics}` is above its largest stable step {} s",
+                number(*fixed, 5),
+                number(*stable, 5)
+            ))
+            .help(SMALLER_STEP),
+            Problem::UnstableExchange {
+                physics,
+                fixed,
+                coupler,
+                stable,
+            } => Explanation::new(format!(
+                "the step {} s of `{physics}` is above the largest stable step {} s of `{coupler}`",
+                number(*fixed, 5),
+                number(*stable, 5)
+            ))
+            .help(SMALLER_STEP),
+            Problem::Value { message, expected } => {
+                Explanation::new(message.as_str()).expected(expected)
+            }
+            Problem::Family(error) => error.explain(),
+            Problem::Body(error) => Explanation::new(error.to_string()),
+            Problem::Other(cause) => Explanation::new(cause.to_string()),
+        }
+    }
+}
+
+/// The help for a fixed step that is not stable.
+const SMALLER_STEP: &str = "use `step = \"auto\"` or a smaller value";
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.explain().fmt(f)
+    }
+}
+
+impl std::error::Error for Problem {}
+
+impl From<FamilyError> for Problem {
+    fn from(error: FamilyError) -> Self {
+        Problem::Family(error)
+    }
+}
+
+impl From<BodyError> for Problem {
+    fn from(error: BodyError) -> Self {
+        Problem::Body(error)
+    }
 }
 
 impl SetupError {
@@ -262,7 +408,7 @@ pub enum RunError {
         passes: usize,
         /// Largest relative change in the last pass.
         change: f64,
-        /// As asked for.
+        /// The value in the case.
         tolerance: f64,
         /// Simulated time, s.
         time: f64,
@@ -281,22 +427,6 @@ pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
         .filter(|(distance, k)| *distance <= limit(k.len().max(name.len()).max(1)))
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, k)| k)
-}
-
-fn suggestion(name: &str, known: &[String]) -> String {
-    match nearest(name, known.iter().map(String::as_str)) {
-        Some(close) => format!("; did you mean `{close}`?"),
-        None if known.is_empty() => "; there is none".to_string(),
-        None => format!("; known: {}", known.join(", ")),
-    }
-}
-
-fn providers(provided: &[String]) -> String {
-    if provided.is_empty() {
-        String::new()
-    } else {
-        format!("; provided are: {}", provided.join(", "))
-    }
 }
 
 fn stable_hint(step: f64, stable: Option<f64>) -> String {

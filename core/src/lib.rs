@@ -45,7 +45,7 @@ pub mod world;
 
 pub use axis::Axis;
 pub use body::{Body, Cut, Face, Horizon, Region};
-pub use error::{Problem, RunError, SetupError};
+pub use error::{Explanation, Problem, RunError, SetupError};
 pub use family::{
     Bond, BondKernel, BrokenBonds, Correction, Family, FamilySpec, Image, Influence, Operator,
     PartialVolume, SlotField,

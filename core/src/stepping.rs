@@ -128,7 +128,7 @@ pub struct Stepping {
     pub step: StepSize,
     /// When a physics is advanced.
     pub update: Update,
-    /// Of a physics: its state after a step does not depend on that before, as that of a steady state; physics that exchange
+    /// Whether the state of a physics after a step does not depend on that before, as that of a steady state; physics that exchange
     /// something and are all steady are advanced until their states agree. Of a coupler: its action depends on nothing but
     /// the fields that it reads, and need not be applied again while they stay as they are.
     pub is_steady: bool,

@@ -80,7 +80,7 @@ fn steel() -> Body {
     block([3, 3, 3], 3, &format!("{STEEL}\nyield_stress = 4e8"))
 }
 
-/// As [`ready_on`], on a block of steel.
+/// A source that is ready on a block of steel, see [`ready_on`].
 pub(crate) fn ready<C: Coupler + DeserializeOwned + 'static>(table: &str) -> Ready {
     ready_on::<C>(vec![steel()], table)
 }

@@ -73,7 +73,7 @@ impl Coupler for FluidStructure {
                 "the points of body `{}` are {coarsest} m apart, those of the fluid {spacing} m: it would be permeable",
                 self.solid
             );
-            let expected = "a solid whose spacing is not larger than that of the fluid";
+            let expected = "a solid with at most the spacing of the fluid";
             return Err(SetupError::value("solid", message, expected));
         }
         let slip = self.slip;

@@ -4,10 +4,9 @@ use perimelt_core::body::{BodyError, ZoneError};
 use perimelt_core::error::nearest;
 use perimelt_core::material::Material;
 use perimelt_core::shape::Shape;
-use perimelt_core::{Body, Problem, input};
+use perimelt_core::{Body, Explanation, Problem, input};
 
 use super::error::{CaseError, Mistake, Mistakes};
-use super::reword::split_help;
 use super::sections::BodySection;
 use super::{Case, Result};
 use crate::library;
@@ -72,8 +71,7 @@ impl Case {
                 BodyError::Table(_) => &["points"],
                 BodyError::Unbounded | BodyError::Shape(_) => &["shape"],
             };
-            let error = self.body_error(&[&[name], key].concat(), e.to_string(), "");
-            split_help(error, &e.to_string())
+            self.body_error(&[&[name], key].concat(), e.to_string(), "")
         })?;
         body.store = section.store;
         for (region, shape) in &section.regions {
@@ -192,7 +190,7 @@ impl Case {
                 if *of_point != 0 && *of_point != index {
                     let other = body.materials[*of_point as usize].name();
                     let message = format!(
-                        "region `{region}` overlaps with another region, whose material is `{other}`"
+                        "region `{region}` overlaps with another region of material `{other}`"
                     );
                     return Err(self.body_error(
                         &key,
@@ -231,12 +229,8 @@ impl Case {
                 suggest(error, entry, &library::names().collect::<Vec<_>>())
             })?),
         };
-        Material::new(material, section.clone(), base.as_ref()).map_err(|e| {
-            split_help(
-                Mistake::new(&self.file, e.to_string(), header),
-                &e.to_string(),
-            )
-        })
+        Material::new(material, section.clone(), base.as_ref())
+            .map_err(|e| Mistake::explained(&self.file, e.explain(), header))
     }
 
     /// A mistake at a key below `bodies`.
@@ -246,11 +240,17 @@ impl Case {
         message: impl Into<String>,
         expected: &str,
     ) -> Box<Mistake> {
+        let words = Explanation::new(message);
+        self.explained_body_error(path, words).expected(expected)
+    }
+
+    /// A mistake at a key below `bodies`, in words.
+    pub(super) fn explained_body_error(&self, path: &[&str], words: Explanation) -> Box<Mistake> {
         let mut whole = vec!["bodies"];
         whole.extend(path);
         let header = self.place(&whole[..2]).unwrap_or(0..0);
         let span = self.place(&whole).unwrap_or(header.clone());
-        let error = Mistake::new(&self.file, message, span).expected(expected);
+        let error = Mistake::explained(&self.file, words, span);
         error.within(header, format!("in [bodies.{}]", path[0]))
     }
 

@@ -8,7 +8,6 @@ use super::bodies::suggest;
 use super::error::{CaseError, Mistake, Mistakes};
 use super::plugins::{PluginTable, Plugins};
 use super::reader::Reader;
-use super::reword::split_help;
 use super::{Case, Result};
 use crate::log_names::REPORTS;
 use crate::probe::{Probe, ProbeSection};
@@ -111,8 +110,7 @@ impl Case {
                 path.extend(e.key.split('.').filter(|k| !k.is_empty()));
                 let header = self.place(&path[..2]).unwrap_or(0..0);
                 let span = self.place(&path).unwrap_or(header.clone());
-                let message = e.to_string();
-                split_help(Mistake::new(&self.file, message.as_str(), span), &message)
+                Mistake::explained(&self.file, e.problem.explain(), span)
                     .within(header, format!("in [[probes]] `{}`", section.name))
             })
         };
@@ -124,12 +122,12 @@ impl Case {
 
     /// A mistake that a plugin found, at its key.
     fn setup_error(&self, table: &PluginTable<'_>, e: &SetupError) -> Box<Mistake> {
-        let message = e.to_string();
+        let words = e.problem.explain();
         if let Some((material, property)) = missing_property(&e.problem)
             && let Some(section) = self.place(&["materials", material])
         {
-            let error = Mistake::new(&self.file, message.as_str(), section);
-            let error = split_help(error, &message).expected(format!("needs `{property}`"));
+            let error = Mistake::explained(&self.file, words, section);
+            let error = error.expected(format!("needs `{property}`"));
             return error.within(table.value.span(), format!("because of {}", table.title()));
         }
         let span = if e.key.is_empty() {
@@ -137,7 +135,7 @@ impl Case {
         } else {
             table.at(&e.key)
         };
-        split_help(Mistake::new(&self.file, message.as_str(), span), &message)
+        Mistake::explained(&self.file, words, span)
             .within(table.value.span(), format!("in {}", table.title()))
     }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
+use perimelt_core::Explanation;
 
 /// Text of a case file and the name that messages use for it.
 #[derive(Debug, PartialEq, Eq)]
@@ -43,6 +44,15 @@ impl Mistake {
             section: None,
             help: Vec::new(),
         })
+    }
+
+    /// A mistake at `span` with the words of a plugin, a body or a material.
+    pub fn explained(file: &Arc<CaseFile>, words: Explanation, span: Range<usize>) -> Box<Self> {
+        let mistake = Self::new(file, words.message, span).expected(words.expected);
+        match words.help.is_empty() {
+            true => mistake,
+            false => mistake.help(words.help),
+        }
     }
 
     /// A mistake of the file as a whole.

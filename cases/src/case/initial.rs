@@ -17,7 +17,7 @@ use super::sections::{Components, ComponentsVisitor};
 #[schemars(untagged)]
 #[serde(untagged)]
 pub enum Initial {
-    /// The same everywhere.
+    /// One value for all positions.
     Uniform(Components),
     /// Different values in some regions.
     ByRegion {

@@ -8,7 +8,6 @@ use perimelt_core::{InSpace, Problem, Simulation, Warning};
 use super::bodies::suggest;
 use super::error::Mistakes;
 use super::initial::Initial;
-use super::reword::split_help;
 use super::sections::BodySection;
 use super::{Case, CaseError, Mistake, Result};
 
@@ -84,8 +83,7 @@ impl Case {
             ));
         }
         let place = |e: Problem, path: &[&str]| -> Box<Mistake> {
-            let message = e.to_string();
-            split_help(self.body_error(path, message.as_str(), ""), &message)
+            self.explained_body_error(path, e.explain())
         };
         let path = [name, "initial", field];
         if let Initial::File(file) = initial {

@@ -37,47 +37,64 @@ impl SectionContext<'_> {
         let path = self.path(error);
         let message = error.message();
         let at = |message: String| Mistake::new(self.file, message, span.clone());
-        let reworded = if let Some((name, known)) = unknown(message) {
-            let what = if message.starts_with("unknown variant") {
-                "choice"
-            } else {
-                "key"
-            };
-            // where a plugin passes its keys to several structs, only its schema lists all of them
-            let known = match self.schema["properties"].as_object() {
-                Some(keys) if path.len() == 1 && what == "key" => {
-                    keys.keys().map(String::as_str).collect()
-                }
-                _ => known,
-            };
-            let reworded = at(format!("unknown {what} `{name}` in {}", self.name));
-            match nearest(name, known.iter().copied()) {
-                Some(close) => {
-                    let mut keys = path.clone();
-                    if let Some(last) = keys.last_mut() {
-                        *last = close.into();
+        let reworded = match Foreign::new(message) {
+            Some(Foreign::Unknown { what, name, known }) => {
+                let keys = self.known_keys(&path);
+                let known = match what == "key" && !keys.is_empty() {
+                    true => keys,
+                    false => known,
+                };
+                let reworded = at(format!("unknown {what} `{name}` in {}", self.name));
+                let help = format!("known here: {}", known.join(", "));
+                match nearest(name, known.iter().copied()) {
+                    Some(close) => {
+                        let mut keys = path.clone();
+                        if let Some(last) = keys.last_mut() {
+                            *last = close.into();
+                        }
+                        let reworded = reworded.expected(format!("did you mean `{close}`?"));
+                        self.documented(reworded, close, &keys)
                     }
-                    let reworded = reworded.expected(format!("did you mean `{close}`?"));
-                    self.documented(reworded, close, &keys)
+                    None => reworded.expected("no such name"),
                 }
-                None => reworded.expected("no such name"),
+                .help(help)
             }
-            .help(format!("known here: {}", known.join(", ")))
-        } else if let Some(name) = quoted(message, "missing field `") {
-            return self.missing(path, name, span);
-        } else if let Some((found, expected)) = wrong_type(message) {
-            let key = path.join(".");
-            let reworded = at(format!("`{key}` in {} cannot be {found}", self.name))
-                .expected(format!("expected {expected}"));
-            let name = path.last().map_or("", String::as_str);
-            self.documented(reworded, name, &path)
-        } else if message.starts_with("wanted exactly 1 element, more than") {
-            let key = path.join(".");
-            at(format!("`{key}` in {} has more than one kind", self.name)).expected("one of them")
-        } else {
-            split_help(at(message.to_string()), message)
+            Some(Foreign::Missing(name)) => return self.missing(path, name, span),
+            Some(Foreign::WrongType { found, expected }) => {
+                let key = path.join(".");
+                let reworded = at(format!("`{key}` in {} cannot be {found}", self.name))
+                    .expected(format!("expected {expected}"));
+                let name = path.last().map_or("", String::as_str);
+                self.documented(reworded, name, &path)
+            }
+            Some(Foreign::SeveralChoices) => {
+                let key = path.join(".");
+                at(format!("`{key}` in {} has more than one kind", self.name))
+                    .expected("one of them")
+            }
+            None => {
+                let mut reworded = at(message.to_string());
+                if let Some(key) = quoted(message, "key `") {
+                    // the key of another choice, which is known once the table is read
+                    let keys: Vec<&str> = path.iter().map(String::as_str).chain([key]).collect();
+                    let place = locate::find(self.table, &keys).filter(|p| p.depth == keys.len());
+                    reworded.span = place.map(|p| p.key).or(reworded.span);
+                }
+                reworded
+            }
         };
         reworded.within(self.header.clone(), format!("in {}", self.name))
+    }
+
+    /// The keys that the schema lists beside the one at `path`: where a table passes its keys to several structs, only the schema has
+    /// all of them.
+    fn known_keys(&self, path: &[String]) -> Vec<&str> {
+        let table = path.split_last().map(|(_, table)| table);
+        let table = table.and_then(|table| schema::at(&self.schema, table));
+        let keys =
+            table.map(|table| schema::resolve(&self.schema, table)["properties"].as_object());
+        let keys = keys.flatten().into_iter().flatten();
+        keys.map(|(name, _)| name.as_str()).collect()
     }
 
     /// The mistake with the documentation of the key `name` at `keys` in the schema, if there is one.
@@ -106,10 +123,12 @@ impl SectionContext<'_> {
 
     /// The mistakes that the section lacks other keys than the one that `error` reports, if it reports one.
     pub fn others_missing(&self, error: &toml::de::Error) -> Vec<Mistake> {
-        let reported = quoted(error.message(), "missing field `");
-        let Some(reported) = reported.filter(|_| self.path(error).is_empty()) else {
+        let Some(Foreign::Missing(reported)) = Foreign::new(error.message()) else {
             return Vec::new();
         };
+        if !self.path(error).is_empty() {
+            return Vec::new();
+        }
         let required = self.schema["required"].as_array().into_iter().flatten();
         let required = required.filter_map(Json::as_str);
         let others = required.filter(|key| *key != reported && !self.table.contains_key(*key));
@@ -118,43 +137,58 @@ impl SectionContext<'_> {
     }
 }
 
-/// Moves what follows the first `; ` or `, did you mean` of a message into its help.
-pub fn split_help(mut error: Box<Mistake>, message: &str) -> Box<Mistake> {
-    let split = message.split_once("; ").or_else(|| {
-        message
-            .split_once(", did you")
-            .map(|(m, _)| (m, &message[m.len() + 2..]))
-    });
-    let Some((message, rest)) = split else {
-        return error;
-    };
-    error.message = message.into();
-    if rest.starts_with("expected ") || rest.starts_with("did you mean") {
-        error.expected(rest)
-    } else {
-        error.help(rest)
+/// A message of serde or of the TOML reader.
+#[derive(Debug, PartialEq)]
+enum Foreign<'m> {
+    /// A key or a choice that there is not, and the known ones.
+    Unknown {
+        what: &'static str,
+        name: &'m str,
+        known: Vec<&'m str>,
+    },
+    /// A key that is missing.
+    Missing(&'m str),
+    /// Found and expected type, in words.
+    WrongType { found: String, expected: String },
+    /// More than one of several choices.
+    SeveralChoices,
+}
+
+impl<'m> Foreign<'m> {
+    /// Recognises a message by its first words; `None` for messages of Perimelt.
+    fn new(message: &'m str) -> Option<Self> {
+        if message.starts_with("wanted exactly 1 element, more than") {
+            return Some(Foreign::SeveralChoices);
+        }
+        // a choice with keys reports all unknown ones; the first is enough
+        if let Some(keys) = message.strip_prefix("unexpected keys in table: ") {
+            let (unknown, known) = keys.split_once(", available keys: ")?;
+            return Some(Foreign::Unknown {
+                what: "key",
+                name: unknown.split(", ").next().unwrap_or(unknown),
+                known: known.split(", ").collect(),
+            });
+        }
+        for (what, before) in [("key", "unknown field `"), ("choice", "unknown variant `")] {
+            if let Some(name) = quoted(message, before) {
+                let known = message
+                    .split_once("expected")
+                    .map_or("", |(_, known)| known);
+                let known = known.split('`').skip(1).step_by(2).collect();
+                return Some(Foreign::Unknown { what, name, known });
+            }
+        }
+        if let Some(name) = quoted(message, "missing field `") {
+            return Some(Foreign::Missing(name));
+        }
+        let (found, expected) = wrong_type(message)?;
+        Some(Foreign::WrongType { found, expected })
     }
 }
 
 fn quoted<'m>(message: &'m str, before: &str) -> Option<&'m str> {
     let name = message.strip_prefix(before)?;
     name.split_once('`').map(|(name, _)| name)
-}
-
-/// The unknown name and the known ones.
-fn unknown(message: &str) -> Option<(&str, Vec<&str>)> {
-    // a choice with keys reports all unknown ones; the first is enough
-    if let Some(keys) = message.strip_prefix("unexpected keys in table: ") {
-        let (unknown, known) = keys.split_once(", available keys: ")?;
-        let name = unknown.split(", ").next().unwrap_or(unknown);
-        return Some((name, known.split(", ").collect()));
-    }
-    let name =
-        quoted(message, "unknown field `").or_else(|| quoted(message, "unknown variant `"))?;
-    let known = message
-        .split_once("expected")
-        .map_or("", |(_, known)| known);
-    Some((name, known.split('`').skip(1).step_by(2).collect()))
 }
 
 /// Found and expected type, in words.
@@ -192,4 +226,108 @@ fn wrong_type(message: &str) -> Option<(String, String)> {
         other => other.into(),
     };
     Some((found, expected))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    #[allow(dead_code, reason = "read only")]
+    struct Table {
+        number: Option<f64>,
+        count: Option<usize>,
+        on: Option<bool>,
+        text: Option<String>,
+        list: Option<Vec<f64>>,
+        at: Option<[f64; 3]>,
+        choice: Option<Choice>,
+        needs: Option<Needs>,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[allow(dead_code, reason = "read only")]
+    struct Needs {
+        key: f64,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(rename_all = "snake_case", deny_unknown_fields)]
+    #[allow(dead_code, reason = "read only")]
+    enum Choice {
+        Simple,
+        Keyed { first: f64 },
+    }
+
+    fn message(text: &str) -> String {
+        let error = toml::from_str::<Table>(text).expect_err("a mistake");
+        error.message().to_string()
+    }
+
+    /// The messages of the libraries in use; a new release with other words fails here.
+    #[test]
+    fn unknown_keys_and_choices_of_serde_and_toml_are_recognised() {
+        for (text, what, name, known) in [
+            ("nmber = 1", "key", "nmber", "number"),
+            ("choice = 'other'", "choice", "other", "simple"),
+            (
+                "choice.keyed = { first = 1, second = 2 }",
+                "key",
+                "second",
+                "first",
+            ),
+        ] {
+            let message = message(text);
+            let Some(Foreign::Unknown {
+                what: w,
+                name: n,
+                known: k,
+            }) = Foreign::new(&message)
+            else {
+                panic!("{message}");
+            };
+            assert_eq!((w, n), (what, name), "{message}");
+            assert!(k.contains(&known), "{message}");
+        }
+    }
+
+    #[test]
+    fn missing_keys_and_several_choices_are_recognised() {
+        assert_eq!(
+            Foreign::new(&message("needs = {}")),
+            Some(Foreign::Missing("key"))
+        );
+        let several = message("choice = { keyed = { first = 1 }, simple = {} }");
+        assert_eq!(
+            Foreign::new(&several),
+            Some(Foreign::SeveralChoices),
+            "{several}"
+        );
+    }
+
+    #[test]
+    fn wrong_types_are_recognised_and_named() {
+        for (text, found, expected) in [
+            ("number = 'a'", "the text \"a\"", "a number"),
+            ("count = 1.5", "the number 1.5", "a whole number"),
+            ("on = 1", "the number 1", "true or false"),
+            ("text = true", "true", "text in quotes"),
+            ("list = {}", "a table", "a list in [ ]"),
+            ("at = [1, 2]", "a list of 2", "three numbers, [x, y, z]"),
+            ("needs = 1", "the number 1", "a table"),
+            (
+                "choice = 'keyed'",
+                "a name alone",
+                "`name = { ... }` with the keys of that choice",
+            ),
+        ] {
+            let message = message(text);
+            let (found, expected) = (found.to_string(), expected.to_string());
+            let wrong = Foreign::WrongType { found, expected };
+            assert_eq!(Foreign::new(&message), Some(wrong), "{message}");
+        }
+        assert_eq!(Foreign::new("`power` must be positive"), None);
+    }
 }

@@ -118,7 +118,7 @@ impl MeltPoolGauge {
             "the points of body `{}` are too far apart for cells of one spacing",
             body.name
         );
-        let expected = "a body whose points lie about one spacing apart";
+        let expected = "a body with points about one spacing apart";
         SetupError::value(key, message, expected)
     }
 

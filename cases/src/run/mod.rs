@@ -237,19 +237,7 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
         )]);
     }
     let time = log.checkpoints()[last].time;
-    if time >= case.time.end {
-        return Err(Failure::AlreadyFinished {
-            path: path.into(),
-            time,
-        });
-    }
-    if let Some(until) = options.until.filter(|until| *until <= time) {
-        return Err(Failure::UntilIsPast {
-            path: path.into(),
-            until,
-            time,
-        });
-    }
+    check_time_left(path, case, options, time)?;
     if let Some(changed) = inputs::changed(&log.run().inputs, &case.folder) {
         return Err(Failure::ChangedInput {
             path: path.into(),
@@ -286,6 +274,24 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
     let placed = part.put_in_place()?;
     recorder.placed();
     go_on(simulation, recorder, &placed, options)
+}
+
+/// Refuses a run that has nothing left to simulate after its checkpoint at `time` (s).
+fn check_time_left(path: &Path, case: &Case, options: &Options, time: f64) -> Result<(), Failure> {
+    if time >= case.time.end {
+        return Err(Failure::AlreadyFinished {
+            path: path.into(),
+            time,
+        });
+    }
+    match options.until.filter(|until| *until <= time) {
+        Some(until) => Err(Failure::UntilIsPast {
+            path: path.into(),
+            until,
+            time,
+        }),
+        None => Ok(()),
+    }
 }
 
 /// The case, if it describes the same process as the logged one.

@@ -82,9 +82,7 @@ pub enum SweepError {
         message: String,
     },
     /// An `--only` that no number has.
-    #[error(
-        "`--only {0}`: no number with this name was read off; the names are those of the table"
-    )]
+    #[error("`--only {0}`: the table has no number with this name")]
     Only(String),
     /// The picture.
     #[error(transparent)]

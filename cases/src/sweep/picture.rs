@@ -83,7 +83,7 @@ pub fn chart(
     let Some(runs) = Runs::new(table) else {
         let first = compared.first();
         return first.map_or(Ok(None), |c| {
-            Err(missing(c, "a key must vary whose values are numbers"))
+            Err(missing(c, "a key with numbers as values must vary"))
         });
     };
     let is_meant = |row: &SweepRow, c: &FormulaComparison| row.name.contains(&c.quantity);

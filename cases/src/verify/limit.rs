@@ -18,11 +18,11 @@ pub enum Limit {
     Rms(f64),
     /// Mean of `|measured - reference| / |reference|` over all values (Khoshrou, eq. 99).
     MeanRelative(f64),
-    /// As `rms`, but the error must be at least this large: a known error must be detected.
+    /// Like `rms`, but the error must be at least this large: a known error must be detected.
     RmsAbove(f64),
-    /// As `mean_relative`, but the error must be at least this large.
+    /// Like `mean_relative`, but the error must be at least this large.
     MeanRelativeAbove(f64),
-    /// As `fraction_of_peak`, but the error of at least one value must be this large.
+    /// Like `fraction_of_peak`, but the error of at least one value must be this large.
     #[serde(alias = "share_of_peak_above")]
     FractionOfPeakAbove(f64),
     /// The measured value lies between these numbers; the reference is only printed.

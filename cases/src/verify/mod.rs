@@ -46,7 +46,7 @@ pub struct VerifyArgs {
     /// Which checks: those that take seconds, or all of them at full size
     #[arg(long, value_enum)]
     pub level: Option<Level>,
-    /// The same as `--level nightly`
+    /// Short for `--level nightly`
     #[arg(long, conflicts_with = "level")]
     pub full: bool,
     /// Case files of this folder instead of those of the program
@@ -104,7 +104,7 @@ pub enum VerifyError {
         close: Option<String>,
     },
     /// The cases of a name have checks of another level only.
-    #[error("the checks of {} take longer than those of every day; `--full` runs them", cases.join(", "))]
+    #[error("the checks of {} belong to the nightly level; run them with `--full`", cases.join(", "))]
     OfAnotherLevel {
         /// Names of the cases.
         cases: Vec<String>,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Influence {
-    /// The same throughout the horizon.
+    /// One value throughout the horizon.
     #[default]
     Constant,
     /// Falls linearly to zero at the horizon, `1 - |xi| / horizon`.

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::body::{Body, Face};
+use crate::error::Explanation;
 
 use super::Influence;
 use crate::body::Horizon;
@@ -36,7 +37,7 @@ pub enum Correction {
     /// One factor for all bonds, so that a complete family is exact. On a cloud one for each point, so that its own family
     /// is exact on the mean of all directions.
     Lattice,
-    /// As `lattice`, but on a cloud the factor of each point is that of a complete family among points of its own spacing,
+    /// Like `lattice`, but on a cloud the factor of each point is that of a complete family among points of its own spacing,
     /// the calibration of regions of published dual-horizon models (docs/theory/heat_conduction.md). Beside an
     /// interface, and behind bare surfaces, no family is exact.
     Zone,
@@ -44,10 +45,10 @@ pub enum Correction {
     /// (after Wang (2025), eqs. 4.4 to 4.8); a bond takes the mean of its ends.
     #[default]
     Point,
-    /// As `point`, and on a cloud bonds have factors of their own with which a linear field is in equilibrium at every
+    /// Like `point`, and on a cloud bonds have factors of their own with which a linear field is in equilibrium at every
     /// point that no bare surface is near, also where spacings and horizons change. For conduction.
     Balanced,
-    /// As `point`, but elasticity is exact under uniaxial strain along each axis, as published.
+    /// Like `point`, but elasticity is exact under uniaxial strain along each axis, as published.
     Uniaxial,
     /// One factor for each point, the volume of a complete family over that of its members (Gao (2020), 7.3.2, given
     /// in the text only; docs/theory/fluid_structure.md, "Thin solids"); a bond takes the mean of its ends. No energy
@@ -198,10 +199,10 @@ pub enum FamilyError {
         bonds: usize,
     },
     /// The points of a body in a tank do not move.
-    #[error("the points of a body in a tank must move, and change neighbours")]
+    #[error("the body has a `tank`, but its points keep their neighbours")]
     Tank,
     /// The description of a family of moving points has something unsupported.
-    #[error("a family of moving points does not support {what}; expected {expected}")]
+    #[error("a family of moving points does not support {what}")]
     Moving {
         /// What is not supported.
         what: &'static str,
@@ -212,9 +213,7 @@ pub enum FamilyError {
     #[error("material is deposited on bodies with a lattice; {0} are not supported there")]
     Growing(&'static str),
     /// No factors of the bonds put a linear field in equilibrium.
-    #[error(
-        "no positive factors of the bonds put a linear field in equilibrium ({reason}); use `correction = \"point\"`"
-    )]
+    #[error("no positive factors of the bonds put a linear field in equilibrium ({reason})")]
     NotBalanced {
         /// What went wrong.
         reason: String,
@@ -233,4 +232,17 @@ pub enum FamilyError {
         /// Horizon, m.
         horizon: f64,
     },
+}
+
+impl FamilyError {
+    /// The mistake in words.
+    pub fn explain(&self) -> Explanation {
+        let explanation = Explanation::new(self.to_string());
+        match self {
+            FamilyError::Tank => explanation.expected("`description = \"updated_lagrangian\"`"),
+            FamilyError::Moving { expected, .. } => explanation.expected(expected),
+            FamilyError::NotBalanced { .. } => explanation.help("use `correction = \"point\"`"),
+            _ => explanation,
+        }
+    }
 }

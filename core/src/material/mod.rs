@@ -32,6 +32,7 @@ pub use section::MaterialSection;
 pub use table::{Table, TableError};
 pub use vocabulary::{COMMON_PROPERTIES, PropertyKey, ValueRange, find_property, known_properties};
 
+use crate::error::Explanation;
 use std::collections::BTreeMap;
 
 use thiserror::Error;
@@ -48,7 +49,7 @@ pub struct Material {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum MaterialError {
     /// No property has this name.
-    #[error("unknown material property `{property}`{}", suggestion(.nearest))]
+    #[error("unknown material property `{property}`")]
     UnknownProperty {
         /// Name as written.
         property: String,
@@ -80,7 +81,7 @@ pub enum MaterialError {
         liquidus: f64,
     },
     /// A property that a plugin needs is not given.
-    #[error("material `{material}` has no `{property}`{}; add it", described(.property))]
+    #[error("material `{material}` has no `{property}`{}", described(.property))]
     Missing {
         /// Name of the material.
         material: String,
@@ -113,12 +114,23 @@ pub enum MaterialError {
     },
 }
 
-fn suggestion(nearest: &Option<String>) -> String {
-    match nearest {
-        Some(nearest) => format!(", did you mean `{nearest}`?"),
-        None => {
-            let names: Vec<_> = known_properties().map(|key| key.name).collect();
-            format!("; the known ones are {}", names.join(", "))
+impl MaterialError {
+    /// The mistake in words.
+    pub fn explain(&self) -> Explanation {
+        let mut explanation = Explanation::new(self.to_string());
+        match self {
+            MaterialError::UnknownProperty {
+                nearest: Some(nearest),
+                ..
+            } => {
+                explanation.expected = format!("did you mean `{nearest}`?");
+                explanation
+            }
+            MaterialError::UnknownProperty { nearest: None, .. } => {
+                let names: Vec<_> = known_properties().map(|key| key.name).collect();
+                explanation.help(format!("the known ones are {}", names.join(", ")))
+            }
+            _ => explanation,
         }
     }
 }

@@ -84,7 +84,9 @@ impl<'de> DeserializeSeed<'de> for KeySeed {
         match &*Cow::<str>::deserialize(deserializer)? {
             "library" => Ok(Key::Library),
             "description" => Ok(Key::Description),
-            name => known(name).map(Key::Property).map_err(de::Error::custom),
+            name => known(name)
+                .map(Key::Property)
+                .map_err(|e| de::Error::custom(e.explain())),
         }
     }
 }
@@ -231,7 +233,7 @@ mod tests {
             .require("density")
             .expect_err("missing")
             .to_string();
-        assert_eq!(message, "material `m` has no `density` [kg/m³]; add it");
+        assert_eq!(message, "material `m` has no `density` [kg/m³]");
         let message = material
             .constant("specific_heat")
             .expect_err("two")

@@ -21,7 +21,7 @@ pub enum Access {
     Add,
     /// Adds amounts to another body, of a physics that advances before the one that takes them up.
     Give,
-    /// As `Give`, summed over the sub-steps of the physics, so that the other body may take longer steps.
+    /// Like `Give`, summed over the sub-steps of the physics, so that the other body may take longer steps.
     GiveSum,
     /// Reads.
     Read,
@@ -125,7 +125,7 @@ impl Setup<'_> {
     /// A sink field that the calling physics takes up.
     ///
     /// # Errors
-    /// As [`Setup::own`].
+    /// See [`Setup::own`].
     pub fn consume<T: Value>(
         &mut self,
         body: BodyIndex,
@@ -134,11 +134,11 @@ impl Setup<'_> {
         self.declare(body, key, Access::Consume).map(Read::new)
     }
 
-    /// As [`Setup::consume`], but only where a coupler adds into the sink: what nobody adds
+    /// Consumes a sink like [`Setup::consume`], but only where a coupler adds into it: what nobody adds
     /// to need not be zeroed and read in every step.
     ///
     /// # Errors
-    /// As [`Setup::own`].
+    /// See [`Setup::own`].
     pub fn consume_if_added<T: Value>(
         &mut self,
         body: BodyIndex,
@@ -155,7 +155,7 @@ impl Setup<'_> {
     /// couplers are applied once, the sink is zero from the second sub-step on.
     ///
     /// # Errors
-    /// As [`Setup::own`].
+    /// See [`Setup::own`].
     pub fn take_if_added<T: Value>(
         &mut self,
         body: BodyIndex,
@@ -191,7 +191,7 @@ impl Setup<'_> {
     /// A derived field that the calling plugin computes.
     ///
     /// # Errors
-    /// As [`Setup::own`].
+    /// See [`Setup::own`].
     pub fn write<T: Value>(
         &mut self,
         body: BodyIndex,
@@ -203,7 +203,7 @@ impl Setup<'_> {
     /// A sink field that the calling coupler adds into.
     ///
     /// # Errors
-    /// As [`Setup::own`], and when a physics asks: sinks are zeroed before couplers add, not before physics do.
+    /// See [`Setup::own`]; also when a physics asks: sinks are zeroed before couplers add, not before physics do.
     pub fn add<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Write<T>, SetupError> {
         if self.plugins[self.current].is_physics {
             let message = format!(
@@ -221,7 +221,7 @@ impl Setup<'_> {
     /// since both bodies were at one time ([`Access::GiveSum`]).
     ///
     /// # Errors
-    /// As [`Setup::own`].
+    /// See [`Setup::own`].
     ///
     /// # Panics
     /// When the access is another one.
@@ -238,7 +238,7 @@ impl Setup<'_> {
     /// Amounts that the calling physics takes up once, at the start of a step, from the physics of another body.
     ///
     /// # Errors
-    /// As [`Setup::own`].
+    /// See [`Setup::own`].
     pub fn take<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Read<T>, SetupError> {
         self.declare(body, key, Access::Take).map(Read::new)
     }

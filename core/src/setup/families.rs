@@ -27,7 +27,7 @@ impl Setup<'_> {
     /// the activity itself ([`Family::set_active`]), when it has compared the state before and after.
     ///
     /// # Errors
-    /// As [`Setup::family`].
+    /// See [`Setup::family`].
     pub fn own_family(&mut self, body: BodyIndex, spec: &FamilySpec) -> Result<Family, SetupError> {
         self.check_support(body)?;
         self.warn_of_gaps(body, spec);

@@ -15,7 +15,7 @@ pub enum LayerRole {
     Prescribed,
     /// It exchanges nothing.
     Free,
-    /// As `Free`, for a boundary that also makes sense where nobody owns the field.
+    /// Like `Free`, for a boundary that may act on a field without an owner.
     IfProvided,
 }
 

@@ -121,7 +121,7 @@ impl<'w> Setup<'w> {
         self.current = self.add_plugin(label, false, Changes::ALL);
     }
 
-    /// As [`Setup::next_plugin`], for a physics; couplers come before all of them.
+    /// Starts the declarations of a physics, see [`Setup::next_plugin`]; couplers come before all physics.
     #[cfg(test)]
     pub(crate) fn next_physics(&mut self, label: &str) {
         self.current = self.add_plugin(label, true, Changes::ALL);

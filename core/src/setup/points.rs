@@ -46,7 +46,7 @@ impl Setup<'_> {
     ) -> Result<Write<f64>, SetupError> {
         if self.body(body).lattice().is_none() {
             let message = format!(
-                "body `{}` has no lattice, on whose cells material is deposited or cut off",
+                "body `{}` has no lattice: material is deposited or cut off on the cells of a lattice",
                 self.body(body).name
             );
             let expected = "a body with `spacing`, without `zones`, `jitter` or `points`";

@@ -212,7 +212,10 @@ fn a_physics_knows_what_couplers_add_and_write() {
 fn what_is_read_is_provided_and_what_is_added_is_taken_up() {
     type Declare = fn(&mut Setup<'_>) -> Result<(), SetupError>;
     let cases: [(Declare, Option<&str>); 6] = [
-        (|s| s.read(0, &X).map(|_| ()), Some("nobody provides it")),
+        (
+            |s| s.read(0, &X).map(|_| ()),
+            Some("which no physics or coupler provides"),
+        ),
         (|s| s.read_if_provided(0, &X).map(|_| ()), None),
         (|s| s.add(0, &SINK).map(|_| ()), Some("`added`")),
         (
@@ -224,7 +227,7 @@ fn what_is_read_is_provided_and_what_is_added_is_taken_up() {
                 s.layer(0, &X, Face::XMin, LayerRole::Prescribed)
                     .map(|_| ())
             },
-            Some("nobody provides it"),
+            Some("which no physics or coupler provides"),
         ),
         (
             |s| {

@@ -239,7 +239,7 @@ mod tests {
         }
     }
 
-    /// Of two fields that change by the same part of their size, both count alike, whatever their units.
+    /// Two fields that change by the same part of their size count alike, whatever their units.
     #[test]
     fn fields_of_all_units_count_alike() {
         // passes towards 1 with factors of 0.5 and -0.5, in units that differ by 1e12

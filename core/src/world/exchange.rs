@@ -71,7 +71,7 @@ pub struct Exchange {
     cells: RefCell<Vec<SurfaceCell>>,
     version: Cell<u64>,
     power: Cell<f64>,
-    /// Of the surface at each cell face when last observed, K; empty before.
+    /// Temperature of the surface at each cell face when last observed, K; empty before.
     temperatures: RefCell<Vec<f64>>,
 }
 

@@ -72,7 +72,7 @@ impl Facts {
         of_body.filter_map(|fact| Some((fact.plugin, fact.value.downcast_ref()?)))
     }
 
-    /// As [`Facts::of`], of all bodies.
+    /// The facts of all bodies, see [`Facts::of`].
     pub(crate) fn all<T: Fact>(&self) -> impl Iterator<Item = (BodyIndex, usize, &T)> {
         let facts = self.0.iter();
         facts.filter_map(|fact| Some((fact.body, fact.plugin, fact.value.downcast_ref()?)))

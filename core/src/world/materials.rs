@@ -76,7 +76,7 @@ impl World {
     /// [`World::reference_densities`] for each point of the body, kg/m³.
     ///
     /// # Errors
-    /// As [`World::reference_densities`].
+    /// See [`World::reference_densities`].
     pub fn density_at_points(&self, body: BodyIndex) -> Result<Vec<f64>, SetupError> {
         let by_material = self.reference_densities(body)?;
         let materials = self.body(body).material_of_point.iter();

@@ -40,7 +40,7 @@ flattened! {
         /// time t (s), such as `"9800 * (0.14 - y)"` (not with `by = "layer"`).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub pressure: Option<InSpace>,
-        /// As force on points, or by a layer behind the face.
+        /// How the traction acts: as force on points, or by a layer behind the face.
         #[serde(default)]
         pub by: By,
         /// Factor on the load: a number, or `{ time = [...], value = [...] }`, times in s;

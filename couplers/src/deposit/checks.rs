@@ -28,12 +28,12 @@ impl Deposit {
                 "the heat of the material comes from a source, but `source` is missing"
             }
             Some(path) if path.track().end().is_none() => {
-                "the heat of the material comes from a source whose toolpath has no end"
+                "the source that heats the material has a toolpath without an end"
             }
             Some(_) => return Ok(()),
             None => "the heat of layers comes from no source",
         };
-        let expected = "`source`, a heat source whose toolpath ends, or `heat = \"added\"`";
+        let expected = "`source`, a heat source with a toolpath that ends, or `heat = \"added\"`";
         Err(SetupError::value("heat", message, expected))
     }
 }

@@ -45,17 +45,17 @@ impl Supply {
             (None, Some(_), None) => Err(SetupError::value(
                 "voltage",
                 "`voltage` of the heat source is given without `current`",
-                "both, whose product is the power, or `power`",
+                "both `voltage` and `current`, or `power`",
             )),
             (None, None, Some(_)) => Err(SetupError::value(
                 "current",
                 "`current` of the heat source is given without `voltage`",
-                "both, whose product is the power, or `power`",
+                "both `voltage` and `current`, or `power`",
             )),
             (Some(_), ..) => Err(SetupError::value(
                 "power",
                 "`power` of the heat source is given besides its voltage or current",
-                "`power`, or `voltage` and `current`, whose product it is",
+                "`power` alone, or `voltage` and `current`",
             )),
         }
     }

@@ -48,7 +48,7 @@ pub enum Measure {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OverTime {
-    /// Of the last state.
+    /// Value of the last state.
     Last,
     /// Largest.
     Max,

@@ -98,10 +98,10 @@ pub struct Gcode {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DwellUnit {
-    /// As in RS-274.
+    /// The rule of RS-274.
     #[default]
     Seconds,
-    /// As controllers of printers have it.
+    /// The rule of printer controllers.
     Milliseconds,
 }
 
