@@ -5,7 +5,6 @@
 //!
 //! - [`shared_keys!`](crate::shared_keys) defines a struct with keys that several tables share, documented once;
 //! - [`flattened!`](crate::flattened) defines a table with keys of its own besides shared keys;
-//! - [`keys_by_choice!`](crate::keys_by_choice) defines an enum with keys for each choice, selected by another key of the same table;
 //! - [`read`] reads shared keys besides a type that is known to a generic parameter only.
 
 mod macros;
@@ -38,9 +37,6 @@ pub trait SharedKeys: Sized {
         table: &mut M,
     ) -> Result<(), M::Error>;
 
-    /// A key that the table had.
-    fn given(slots: &Self::Slots) -> Option<&'static str>;
-
     /// The keys, once the table is read.
     ///
     /// # Errors
@@ -66,10 +62,6 @@ macro_rules! tuple_of_keys {
                     return $keys::read(&mut slots.$slot, key, table);
                 })+
                 Ok(())
-            }
-
-            fn given(slots: &Self::Slots) -> Option<&'static str> {
-                None$(.or_else(|| $keys::given(&slots.$slot)))+
             }
 
             fn finish<E: de::Error>(slots: Self::Slots) -> Result<Self, E> {
@@ -220,23 +212,4 @@ impl<'de, M: MapAccess<'de>> MapAccess<'de> for Entry<'_, M> {
 #[doc(hidden)]
 pub fn empty<'de, E: de::Error>() -> impl Deserializer<'de, Error = E> {
     de::value::MapDeserializer::new(std::iter::empty::<(&str, &str)>())
-}
-
-/// The error for a key that does not belong to the choice of `tag`.
-#[doc(hidden)]
-pub fn other_choice<E: de::Error>(key: &str, tag: &str, choice: &str) -> E {
-    E::custom(format_args!(
-        "key `{key}` does not belong to `{tag} = \"{choice}\"`"
-    ))
-}
-
-/// The schema of the key `tag` with its choices and their documentation.
-#[doc(hidden)]
-pub fn choices(tag: &str, choices: &[(&str, &str)]) -> Schema {
-    let choice = |(name, doc): &(&str, &str)| json!({ "const": name, "description": doc.trim() });
-    let choices: Vec<Value> = choices.iter().map(choice).collect();
-    schemars::json_schema!({
-        "type": "object",
-        "properties": { tag: { "type": "string", "oneOf": choices } }
-    })
 }

@@ -72,16 +72,7 @@ impl SectionContext<'_> {
                 at(format!("`{key}` in {} has more than one kind", self.name))
                     .expected("one of them")
             }
-            None => {
-                let mut reworded = at(message.to_string());
-                if let Some(key) = quoted(message, "key `") {
-                    // the key of another choice, which is known once the table is read
-                    let keys: Vec<&str> = path.iter().map(String::as_str).chain([key]).collect();
-                    let place = locate::find(self.table, &keys).filter(|p| p.depth == keys.len());
-                    reworded.span = place.map(|p| p.key).or(reworded.span);
-                }
-                reworded
-            }
+            None => at(message.to_string()),
         };
         reworded.within(self.header.clone(), format!("in {}", self.name))
     }

@@ -69,10 +69,6 @@ macro_rules! shared_keys {
                     Ok(())
                 }
 
-                fn given(slots: &Slots) -> Option<&'static str> {
-                    None$(.or(slots.$field.as_ref().map(|_| stringify!($field))))*
-                }
-
                 fn finish<E: Error>(slots: Slots) -> Result<Self, E> {
                     Ok($name {
                         $($field: match slots.$field {
@@ -132,103 +128,6 @@ macro_rules! flattened {
                         $crate::flattened::read::<($($keys,)+), Own, D>(table)?;
                     let Own { $($field,)* } = own;
                     Ok($name { $($group,)+ $($field,)* })
-                }
-            }
-        };
-    };
-}
-
-/// Defines an enum with [`shared_keys!`](crate::shared_keys) for each choice, selected by the key `tag` of the same table; the first
-/// choice is the default. A key that several choices have belongs to the table. The crate needs `serde` and `schemars`.
-#[macro_export]
-macro_rules! keys_by_choice {
-    ($(#[$meta:meta])* $vis:vis enum $name:ident, tag $tag:literal {
-        $(
-            $(#[doc = $doc:literal])*
-            $choice:literal => $variant:ident($keys:ty),
-        )+
-    }) => {
-        $(#[$meta])*
-        #[derive(::serde::Serialize)]
-        #[serde(tag = $tag)]
-        $vis enum $name {
-            $(
-                $(#[doc = $doc])*
-                #[serde(rename = $choice)]
-                $variant($keys),
-            )+
-        }
-
-        const _: () = {
-            use $crate::flattened::SharedKeys;
-            use ::schemars::{JsonSchema, Schema, SchemaGenerator};
-            use ::serde::de::{Error, MapAccess};
-
-            #[derive(Clone, Copy, PartialEq, ::serde::Deserialize)]
-            $vis enum Choice {
-                $(#[serde(rename = $choice)] $variant,)+
-            }
-
-            #[derive(Default)]
-            #[allow(non_snake_case, reason = "named after the variants")]
-            $vis struct Slots {
-                choice: Option<Choice>,
-                $($variant: <$keys as SharedKeys>::Slots,)+
-            }
-
-            impl SharedKeys for $name {
-                type Slots = Slots;
-
-                fn has_key(key: &str) -> bool {
-                    key == $tag $(|| <$keys>::has_key(key))+
-                }
-
-                fn read<'de, M: MapAccess<'de>>(
-                    slots: &mut Slots,
-                    key: &str,
-                    table: &mut M,
-                ) -> Result<(), M::Error> {
-                    if key == $tag {
-                        slots.choice = Some(table.next_value()?);
-                        return Ok(());
-                    }
-                    $(if <$keys>::has_key(key) {
-                        return <$keys>::read(&mut slots.$variant, key, table);
-                    })+
-                    Ok(())
-                }
-
-                fn given(slots: &Slots) -> Option<&'static str> {
-                    let choice = slots.choice.as_ref().map(|_| $tag);
-                    choice$(.or_else(|| <$keys>::given(&slots.$variant)))+
-                }
-
-                fn finish<E: Error>(slots: Slots) -> Result<Self, E> {
-                    let all = [$((Choice::$variant, $choice, <$keys>::given(&slots.$variant)),)+];
-                    let chosen = slots.choice.unwrap_or(all[0].0);
-                    let name = all.iter().find(|(choice, ..)| *choice == chosen).map_or("", |all| all.1);
-                    let others = all.iter().filter(|(choice, ..)| *choice != chosen);
-                    if let Some(key) = others.filter_map(|(.., given)| *given).next() {
-                        return Err($crate::flattened::other_choice(key, $tag, name));
-                    }
-                    Ok(match chosen {
-                        $(Choice::$variant => $name::$variant(<$keys>::finish(slots.$variant)?),)+
-                    })
-                }
-            }
-
-            impl JsonSchema for $name {
-                fn schema_name() -> ::std::borrow::Cow<'static, str> {
-                    stringify!($name).into()
-                }
-
-                fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-                    let choices = [$(($choice, concat!($($doc),*)),)+];
-                    let mut schema = $crate::flattened::choices($tag, &choices);
-                    $($crate::flattened::add_schema::<$keys>(&mut schema, generator);)+
-                    // the keys of a choice are not required by other choices
-                    schema.remove("required");
-                    schema
                 }
             }
         };

@@ -1,4 +1,4 @@
-use crate::{flattened, keys_by_choice, shared_keys};
+use crate::{flattened, shared_keys};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -25,30 +25,12 @@ shared_keys! {
     }
 }
 
-shared_keys! {
-    #[derive(Clone, Debug, Default, PartialEq)]
-    struct Conservative {
-        /// Surface.
-        surface: String,
-    }
-}
-
-keys_by_choice! {
-    #[derive(Clone, Debug, PartialEq)]
-    enum Form, tag "form" {
-        /// The ordinary form.
-        "ordinary" => Ordinary(Ordinary),
-        /// The conservative form.
-        "conservative" => Conservative(Conservative),
-    }
-}
-
 flattened! {
     /// A table.
     #[derive(Clone, Debug, PartialEq)]
     struct Table {
         ..place: Place,
-        ..form: Form,
+        ..form: Ordinary,
         /// Power, W.
         #[serde(alias = "watts")]
         #[schemars(extend("minimum" = 0))]
@@ -79,12 +61,10 @@ fn keys_are_distributed_and_defaults_taken() {
         at: [1.0, 2.0],
         counts: true,
     };
-    let form = Form::Ordinary(Ordinary { stabilisation: 0.0 });
+    let form = Ordinary { stabilisation: 0.0 };
     assert_eq!((table.place, table.form, table.power), (place, form, 5.0));
-    let table = read(
-        "at = [1, 2]\npower = 1\nsurface = 'open'\nform = 'conservative'\nbody = 'b'\ncounts = false",
-    );
-    assert!(matches!(&table.form, Form::Conservative(keys) if keys.surface == "open"));
+    let table = read("at = [1, 2]\npower = 1\nstabilisation = 0.5\nbody = 'b'\ncounts = false");
+    assert_eq!(table.form, Ordinary { stabilisation: 0.5 });
     assert_eq!(
         (table.place.body.as_deref(), table.place.counts),
         (Some("b"), false)
@@ -92,7 +72,7 @@ fn keys_are_distributed_and_defaults_taken() {
     let saved = serde_json::to_value(&table).expect("serialises");
     assert_eq!(
         saved,
-        json!({ "at": [1.0, 2.0], "body": "b", "counts": false, "form": "conservative", "power": 1.0, "surface": "open" })
+        json!({ "at": [1.0, 2.0], "body": "b", "counts": false, "power": 1.0, "stabilisation": 0.5 })
     );
     assert_eq!(Table::deserialize(saved).expect("the same"), table);
 }
@@ -109,20 +89,8 @@ fn a_mistake_keeps_its_place() {
         message.starts_with("unknown field `bodi`") && place == "bodi",
         "{message}"
     );
-    let (message, place) = mistake("power = 1\nat = [1, 2]\nform = 'other'");
-    assert!(
-        message.starts_with("unknown variant `other`") && place == "'other'",
-        "{message}"
-    );
     assert_eq!(mistake("power = 1").0, "missing field `at`");
     assert_eq!(mistake("at = [1, 2]").0, "missing field `power`");
-    let chosen = "power = 1\nat = [1, 2]\nform = 'conservative'";
-    assert_eq!(mistake(chosen).0, "missing field `surface`");
-    let other = mistake(&format!("{chosen}\nsurface = 'open'\nstabilisation = 1")).0;
-    assert_eq!(
-        other,
-        "key `stabilisation` does not belong to `form = \"conservative\"`"
-    );
 }
 
 #[test]
@@ -130,18 +98,7 @@ fn the_schema_lists_all_keys_with_their_documentation() {
     let schema = schemars::schema_for!(Table).to_value();
     let properties = schema["properties"].as_object().expect("keys");
     let names: Vec<_> = properties.keys().map(String::as_str).collect();
-    assert_eq!(
-        names,
-        [
-            "at",
-            "body",
-            "counts",
-            "form",
-            "power",
-            "stabilisation",
-            "surface"
-        ]
-    );
+    assert_eq!(names, ["at", "body", "counts", "power", "stabilisation",]);
     assert_eq!(schema["required"], json!(["at", "power"]));
     assert_eq!(schema["additionalProperties"], Value::Bool(false));
     assert_eq!(schema["description"], "A table.");
@@ -154,9 +111,5 @@ fn the_schema_lists_all_keys_with_their_documentation() {
             &properties["power"]["minimum"]
         ),
         (&json!(true), &json!(0))
-    );
-    assert_eq!(
-        properties["form"]["oneOf"][1]["description"],
-        "The conservative form."
     );
 }
