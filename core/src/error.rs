@@ -203,12 +203,7 @@ impl Problem {
                 from,
                 to,
                 spacing,
-            } => Explanation::new(format!(
-                "region `{region}` holds no point of body `{body}`: the body spans {} to {} m with points every {} m",
-                position(*from),
-                position(*to),
-                number(*spacing, 5)
-            )),
+            } => empty_region(region, body, [*from, *to], *spacing),
             Problem::MissingProperty {
                 material,
                 body,
@@ -222,15 +217,7 @@ impl Problem {
                 body,
                 plugin,
                 provided,
-            } => {
-                let explanation = Explanation::new(format!(
-                    "`{plugin}` reads field `{field}` of body `{body}`, which no physics or coupler provides"
-                ));
-                match provided.is_empty() {
-                    true => explanation,
-                    false => explanation.help(format!("provided are: {}", provided.join(", "))),
-                }
-            }
+            } => not_provided(plugin, field, body, provided),
             Problem::NobodyConsumes {
                 field,
                 body,
@@ -256,23 +243,23 @@ impl Problem {
                 physics,
                 fixed,
                 stable,
-            } => Explanation::new(format!(
-                "the step {} s of `{physics}` is above its largest stable step {} s",
-                number(*fixed, 5),
-                number(*stable, 5)
-            ))
-            .help(SMALLER_STEP),
+            } => unstable(
+                physics,
+                *fixed,
+                &format!("its largest stable step {} s", number(*stable, 5)),
+            ),
             Problem::UnstableExchange {
                 physics,
                 fixed,
                 coupler,
                 stable,
-            } => Explanation::new(format!(
-                "the step {} s of `{physics}` is above the largest stable step {} s of `{coupler}`",
-                number(*fixed, 5),
-                number(*stable, 5)
-            ))
-            .help(SMALLER_STEP),
+            } => {
+                let limit = format!(
+                    "the largest stable step {} s of `{coupler}`",
+                    number(*stable, 5)
+                );
+                unstable(physics, *fixed, &limit)
+            }
             Problem::Value { message, expected } => {
                 Explanation::new(message.as_str()).expected(expected)
             }
@@ -283,8 +270,35 @@ impl Problem {
     }
 }
 
-/// The help for a fixed step that is not stable.
-const SMALLER_STEP: &str = "use `step = \"auto\"` or a smaller value";
+/// A region without a point of a body with these corners (m) and this spacing (m).
+fn empty_region(region: &str, body: &str, [from, to]: [[f64; 3]; 2], spacing: f64) -> Explanation {
+    Explanation::new(format!(
+        "region `{region}` holds no point of body `{body}`: the body spans {} to {} m with points every {} m",
+        position(from),
+        position(to),
+        number(spacing, 5)
+    ))
+}
+
+/// A fixed step (s) of a physics that is above a limit.
+fn unstable(physics: &str, fixed: f64, limit: &str) -> Explanation {
+    let fixed = number(fixed, 5);
+    Explanation::new(format!(
+        "the step {fixed} s of `{physics}` is above {limit}"
+    ))
+    .help("use `step = \"auto\"` or a smaller value")
+}
+
+/// A field that `plugin` reads and that is not among those that are provided.
+fn not_provided(plugin: &str, field: &str, body: &str, provided: &[String]) -> Explanation {
+    let explanation = Explanation::new(format!(
+        "`{plugin}` reads field `{field}` of body `{body}`, which no physics or coupler provides"
+    ));
+    match provided.is_empty() {
+        true => explanation,
+        false => explanation.help(format!("provided are: {}", provided.join(", "))),
+    }
+}
 
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

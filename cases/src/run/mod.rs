@@ -202,7 +202,7 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
 /// that of `options.out`. A `case` may have another end, other steps and other logging times.
 ///
 /// # Errors
-/// Those of [`run`], or the log has no checkpoint or has reached its end, or the case describes another process.
+/// The errors of [`run`], or the log has no checkpoint or has reached its end, or the case describes another process.
 pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Summary, Failure> {
     let in_place = matches!(
         (path.canonicalize(), options.out.canonicalize()),

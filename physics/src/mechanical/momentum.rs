@@ -40,7 +40,7 @@ fn linear<const A: usize, const N: usize>(located: Located) -> [f64; N] {
     sums
 }
 
-/// As [`linear`], and behind it the moments about `axes` and their sizes.
+/// The sums of [`linear`], then the moments about `axes` and their sizes.
 #[inline(always)]
 fn linear_and_angular<const A: usize, const N: usize>(
     located: Located,

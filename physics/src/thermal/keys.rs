@@ -27,9 +27,9 @@ pub struct Thermal {
     /// Calibration of the bonds; when left out "point", or "lattice" where points move.
     #[serde(default)]
     pub correction: Option<Correction>,
-    /// Of the ordinary form, 0 to 1: how strongly temperatures are drawn to the mean gradient of their family. With 1 a
-    /// complete calibrated family conducts as in the form of bonds; with 0 nothing removes temperatures that
-    /// alternate from point to point.
+    /// Stabilisation of zero-energy modes of `form = "ordinary"`, 0 to 1: how strongly temperatures are drawn to the mean
+    /// gradient of their family. With 1 a complete calibrated family conducts as in the form of bonds; with 0 nothing
+    /// removes temperatures that alternate from point to point.
     #[serde(
         default = "default_stabilisation",
         skip_serializing_if = "is_default_stabilisation"
@@ -52,8 +52,8 @@ pub struct Thermal {
     #[serde(default = "tolerance")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub tolerance: f64,
-    /// Of `rkl2`, `implicit` and `crank_nicolson`: largest error in time of a step, over the difference of temperature that the
-    /// body has had so far. Longer steps are divided; without an effect on stability.
+    /// Largest error in time of a step of `rkl2`, `implicit` and `crank_nicolson`, over the difference of temperature that
+    /// the body has had so far. Longer steps are divided; without an effect on stability.
     #[serde(default = "time_tolerance")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_tolerance: f64,
