@@ -45,7 +45,7 @@
 //! | `growing_crack` | [`boundary::GrowingCrack`] | | breaks bonds of the body |
 //! | `insulated_crack` | [`boundary::InsulatedCrack`] | | cuts the families of the body |
 //!
-//! The modules [`source`] and [`toolpath`] do not depend on plugins; [`InTime`] is a number that may change in time.
+//! The modules [`heat_source::shape`] and [`toolpath`] do not depend on plugins; [`InTime`] is a number that may change in time.
 
 #![cfg_attr(not(test), warn(unused_crate_dependencies))]
 pub mod boundary;
@@ -71,7 +71,6 @@ pub mod powder;
 #[cfg(test)]
 mod programme_tests;
 mod rate;
-pub mod source;
 mod surface;
 #[cfg(test)]
 mod testing;

@@ -7,7 +7,7 @@
 use perimelt_core::{Face, Report};
 use serde::{Deserialize, Serialize};
 
-use crate::source::{CellGrid, Deposit};
+use super::shape::{CellGrid, Deposit};
 use crate::toolpath::Pose;
 
 /// Distance from a plane of symmetry up to which a source lies on it, in cells.

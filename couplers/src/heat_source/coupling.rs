@@ -1,7 +1,7 @@
 //! Moving sources as couplers: those of this crate, and those that another crate registers.
 
 use super::MovingSource;
-use crate::source;
+use super::shape;
 
 /// Implements `Coupler` for a [`MovingSource`], or for a type with one in a field, and registers it.
 #[doc(hidden)]
@@ -79,9 +79,9 @@ macro_rules! register_source {
     };
 }
 
-couple_source!("goldak", MovingSource<source::Goldak>);
-couple_source!("ellipsoid", MovingSource<source::SemiEllipsoid>);
-couple_source!("gaussian_source", MovingSource<source::Gaussian>);
-couple_source!("point_source", MovingSource<source::Point>);
-couple_source!("super_gaussian", MovingSource<source::SuperGaussian>);
-couple_source!("profile_source", MovingSource<source::Profile>);
+couple_source!("goldak", MovingSource<shape::Goldak>);
+couple_source!("ellipsoid", MovingSource<shape::SemiEllipsoid>);
+couple_source!("gaussian_source", MovingSource<shape::Gaussian>);
+couple_source!("point_source", MovingSource<shape::Point>);
+couple_source!("super_gaussian", MovingSource<shape::SuperGaussian>);
+couple_source!("profile_source", MovingSource<shape::Profile>);

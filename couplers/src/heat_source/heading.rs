@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use perimelt_core::Report;
 
-use crate::source::{Depositor, HeatedSurface};
+use super::shape::{Depositor, HeatedSurface};
 use crate::toolpath::Pose;
 
 /// Directions of a source.

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use perimelt_core::Body;
 use perimelt_core::world::activity::is_active;
 
-use crate::source::{CellGrid, HeatedBody};
+use super::shape::{CellGrid, HeatedBody};
 
 /// A body with its lattice.
 pub(super) struct LatticeBody<'a> {

@@ -2,13 +2,13 @@
 //!
 //! | `type` | shape |
 //! |---|---|
-//! | `goldak` | [`source::Goldak`] |
-//! | `ellipsoid` | [`source::SemiEllipsoid`] |
-//! | `gaussian_source` | [`source::Gaussian`] |
-//! | `point_source` | [`source::Point`] |
-//! | `super_gaussian` | [`source::SuperGaussian`] |
-//! | `profile_source` | [`source::Profile`], a formula |
-//! | `pulsed_laser` | [`source::PulsedLaser`], without a toolpath |
+//! | `goldak` | [`shape::Goldak`] |
+//! | `ellipsoid` | [`shape::SemiEllipsoid`] |
+//! | `gaussian_source` | [`shape::Gaussian`] |
+//! | `point_source` | [`shape::Point`] |
+//! | `super_gaussian` | [`shape::SuperGaussian`] |
+//! | `profile_source` | [`shape::Profile`], a formula |
+//! | `pulsed_laser` | [`shape::PulsedLaser`], without a toolpath |
 //!
 //! The keys of the shape stand beside `toolpath`, `body`, and `voltage`, `current` and `pulse`. A crate adds a shape of its own with
 //! [`register_source!`](crate::register_source):
@@ -43,25 +43,25 @@ mod moving;
 mod profile_tests;
 mod pulsed;
 mod running;
+pub mod shape;
 mod step_positions;
 mod supply;
 
 pub(crate) use account::mirror_copies;
 pub(crate) use lattice::grid;
-pub use moving::{MovingSource, SourceShape};
+pub use moving::MovingSource;
 pub use pulsed::PulsedLaserSource;
-
-use crate::source;
+pub use shape::SourceShape;
 
 /// Goldak's double ellipsoid.
-pub type GoldakSource = MovingSource<source::Goldak>;
+pub type GoldakSource = MovingSource<shape::Goldak>;
 /// Semi-ellipsoid.
-pub type EllipsoidSource = MovingSource<source::SemiEllipsoid>;
+pub type EllipsoidSource = MovingSource<shape::SemiEllipsoid>;
 /// Surface Gaussian with an effective depth.
-pub type GaussianSource = MovingSource<source::Gaussian>;
+pub type GaussianSource = MovingSource<shape::Gaussian>;
 /// All power in the cells around one lattice vertex.
-pub type PointSource = MovingSource<source::Point>;
+pub type PointSource = MovingSource<shape::Point>;
 /// Super-Gaussian beam.
-pub type SuperGaussianSource = MovingSource<source::SuperGaussian>;
+pub type SuperGaussianSource = MovingSource<shape::SuperGaussian>;
 /// A density by formula.
-pub type ProfileSource = MovingSource<source::Profile>;
+pub type ProfileSource = MovingSource<shape::Profile>;

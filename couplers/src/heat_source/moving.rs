@@ -14,9 +14,9 @@ use super::account::Account;
 use super::heading::Heading;
 use super::lattice::{LatticeBody, grid};
 use super::running::RunningSource;
+use super::shape::{Depositor, SourceError, SourceShape};
 use super::step_positions::StepPositions;
 use super::supply::Supply;
-use crate::source::{self, Depositor, HeatedSurface, Source};
 use crate::surface::OnBody;
 use crate::toolpath::{TimedPath, Track};
 
@@ -31,94 +31,6 @@ const MOST_TRIED: usize = 100;
 
 /// Powers of welding sources are below this, W.
 const STRONGEST: f64 = 2e5;
-
-/// Wavelengths at which absorptivities of materials hold, m: fibre, disc, Nd:YAG and diode lasers.
-const TABULATED: std::ops::RangeInclusive<f64> = 0.8e-6..=1.2e-6;
-
-/// The power density of a [`MovingSource`].
-pub trait SourceShape: Clone {
-    /// The shape as a variant of [`Source`].
-    fn source(&self) -> Source;
-    /// Shortest length on the heated face, m; zero for a point.
-    fn length(&self) -> f64;
-    /// Heated face.
-    fn surface(&self) -> HeatedSurface;
-    /// Completes the shape with properties of the materials of the body.
-    ///
-    /// # Errors
-    /// When a property that is needed is missing.
-    fn complete(&mut self, _setup: &Setup<'_>, _body: usize) -> Result<(), SetupError> {
-        Ok(())
-    }
-}
-
-macro_rules! shape {
-    ($name:ident, |$shape:ident| $length:expr, ($($group:ident)?) $(, $complete:path)?) => {
-        impl SourceShape for source::$name {
-            $(
-                fn complete(&mut self, setup: &Setup<'_>, body: usize) -> Result<(), SetupError> {
-                    $complete(self, setup, body)
-                }
-            )?
-            fn source(&self) -> Source {
-                Source::$name(self.clone())
-            }
-            fn length(&self) -> f64 {
-                let $shape = self;
-                $length
-            }
-            fn surface(&self) -> HeatedSurface {
-                self$(.$group)?.heated_surface
-            }
-        }
-    };
-}
-
-shape!(
-    Goldak,
-    |s| s.front_length.min(s.rear_length).min(s.half_width),
-    (sampled)
-);
-shape!(
-    SemiEllipsoid,
-    |s| s.half_length.min(s.half_width),
-    (sampled)
-);
-shape!(Gaussian, |s| s.sigma, (sampled));
-shape!(SuperGaussian, |s| s.radius, (sampled), take_absorptivity);
-shape!(Point, |_s| 0.0, ());
-shape!(Profile, |s| s.finest.unwrap_or(0.25 * s.reach), ());
-
-/// The absorptivity of the material, where the case gives none.
-fn take_absorptivity(
-    shape: &mut source::SuperGaussian,
-    setup: &Setup<'_>,
-    body: usize,
-) -> Result<(), SetupError> {
-    if shape.absorptivity.is_some() {
-        return Ok(());
-    }
-    let expected = "`absorptivity` of the source, or of the material";
-    let refuse = |message: String| Err(SetupError::value("absorptivity", message, expected));
-    if let Some(wavelength) = shape.wavelength.filter(|w| !TABULATED.contains(w)) {
-        return refuse(format!(
-            "the absorptivities of materials hold near 1 um, not at a wavelength of {wavelength} m"
-        ));
-    }
-    let mut found: Option<f64> = None;
-    for material in &setup.body(body).materials {
-        let Some(value) = material.get("absorptivity").and_then(|p| p.constant()) else {
-            let name = material.name();
-            return refuse(format!("material `{name}` has no constant `absorptivity`"));
-        };
-        if found.is_some_and(|f| f != value) {
-            return refuse("the materials of the body have different absorptivities".into());
-        }
-        found = Some(value);
-    }
-    shape.absorptivity = found;
-    Ok(())
-}
 
 /// A heat source of shape `S` on a toolpath.
 #[derive(Serialize)]
@@ -151,7 +63,7 @@ impl<S: SourceShape> MovingSource<S> {
 
     /// Power where the toolpath gives none, W.
     fn power(&self) -> Result<Option<f64>, SetupError> {
-        self.supply.power(self.shape.source().power())
+        self.supply.power(self.shape.power())
     }
 
     fn track(&self, folder: &Path) -> Result<Track, SetupError> {
@@ -186,8 +98,8 @@ impl<S: SourceShape> MovingSource<S> {
             return Err(SetupError::value("body", message, "a 2D or 3D body"));
         }
         let grid = grid(body);
-        let fault = |e: source::SourceError| SetupError::other(e.key(), e);
-        let mut depositor = Depositor::new(&self.shape.source(), &grid).map_err(fault)?;
+        let fault = |e: SourceError| SetupError::other(e.key(), e);
+        let mut depositor = Depositor::new(&self.shape, &grid).map_err(fault)?;
         match depositor.check_cells() {
             Err(e) if body.lattice().is_none() => return Err(fault(e)),
             Err(e) => setup.refuse(index, Change::Motion, fault(e)),

@@ -15,8 +15,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::account::Account;
 use super::lattice::{LatticeBody, grid};
+use super::shape::{self, CellGrid, Cells};
 use super::step_positions::StepPositions;
-use crate::source::{self, CellGrid, Cells};
 use crate::surface::OnBody;
 
 /// Fraction of the pulse duration that a step may take.
@@ -32,12 +32,12 @@ pub struct PulsedLaserSource {
     target: OnBody,
     /// Pulse and absorption.
     #[serde(flatten)]
-    pub shape: source::PulsedLaser,
+    pub shape: shape::PulsedLaser,
 }
 
 /// A laser pulse that is ready to heat.
 struct RunningPulsedLaserSource {
-    shape: source::PulsedLaser,
+    shape: shape::PulsedLaser,
     body: BodyIndex,
     grid: CellGrid,
     /// Area of the cells that face the laser, m².
@@ -54,7 +54,7 @@ impl Coupler for PulsedLaserSource {
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.target.body.as_deref())?;
-        let fault = |e: source::SourceError| SetupError::other(e.key(), e);
+        let fault = |e: shape::SourceError| SetupError::other(e.key(), e);
         self.shape.validate().map_err(fault)?;
         let this = setup.body(body);
         let (grid, face) = (grid(this), self.shape.heated_surface.face);
@@ -141,11 +141,11 @@ impl<'de> Deserialize<'de> for PulsedLaserSource {
 
 impl JsonSchema for PulsedLaserSource {
     fn schema_name() -> Cow<'static, str> {
-        source::PulsedLaser::schema_name()
+        shape::PulsedLaser::schema_name()
     }
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let mut schema = source::PulsedLaser::json_schema(generator);
+        let mut schema = shape::PulsedLaser::json_schema(generator);
         flattened::add_schema::<OnBody>(&mut schema, generator);
         schema
     }

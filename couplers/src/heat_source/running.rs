@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use super::account::{Account, mirror_copies};
 use super::heading::Heading;
 use super::lattice::LatticeBody;
+use super::shape::{CellGrid, Cells, Depositor, HeatedSurface};
 use super::step_positions::StepPositions;
-use crate::source::{CellGrid, Cells, Depositor, HeatedSurface};
 use crate::toolpath::{ClockState, TimedPath};
 
 /// A heat source on a toolpath that is ready to heat.

@@ -2,7 +2,9 @@
 use std::rc::Rc;
 
 use perimelt_couplers::heat_source::SourceShape;
-use perimelt_couplers::source::{Density, DensitySource, HeatedSurface, Source};
+use perimelt_couplers::heat_source::shape::{
+    CellGrid, Density, DensityOnFace, HeatedSurface, PowerDensity, SourceError,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -44,13 +46,12 @@ impl Density for Ring {
 }
 
 impl SourceShape for Ring {
-    fn source(&self) -> Source {
-        Source::Density(DensitySource {
-            power: self.power,
-            efficiency: 1.0,
-            density: Rc::new(self.clone()),
-            surface: self.heated_surface,
-        })
+    fn power(&self) -> Option<f64> {
+        self.power
+    }
+
+    fn efficiency(&self) -> f64 {
+        1.0
     }
 
     fn length(&self) -> f64 {
@@ -59,6 +60,13 @@ impl SourceShape for Ring {
 
     fn surface(&self) -> HeatedSurface {
         self.heated_surface
+    }
+
+    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SourceError> {
+        Ok(PowerDensity::Sampled(DensityOnFace {
+            density: Rc::new(self.clone()),
+            surface: self.heated_surface,
+        }))
     }
 }
 

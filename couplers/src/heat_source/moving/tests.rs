@@ -354,7 +354,7 @@ fn ready_with_temperature(source: EllipsoidSource) -> (World, Box<dyn RunningCou
 
 #[test]
 fn the_absorptivity_is_that_of_the_material_unless_the_case_gives_one() {
-    let beam = |keys: &str| -> MovingSource<source::SuperGaussian> {
+    let beam = |keys: &str| -> MovingSource<crate::heat_source::shape::SuperGaussian> {
         let line = "toolpath.line = { start = [5, 10, 8], end = [15, 10, 8], speed = 2 }";
         toml::from_str(&format!(
             "power = 100\nradius = 2\npenetration_depth = 1\n{keys}\n{line}"

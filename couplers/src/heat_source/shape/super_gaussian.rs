@@ -2,13 +2,18 @@
 //! (W/m²), A the absorptivity; k = 2 is a Gaussian beam with the 1/e² radius w, large k a top hat.
 //! Below the surface the power falls with depth by one of the profiles of [`Penetration`].
 
-use perimelt_core::flattened;
+use perimelt_core::{Setup, SetupError, flattened};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{CellSampling, SourceError, positive, within};
+use super::{
+    CellGrid, CellSampling, HeatedSurface, PowerDensity, SourceError, SourceShape, positive, within,
+};
+
+/// Wavelengths at which absorptivities of materials hold, m: fibre, disc, Nd:YAG and diode lasers.
+const TABULATED: std::ops::RangeInclusive<f64> = 0.8e-6..=1.2e-6;
 
 flattened! {
     /// A laser beam with an adjustable edge.
@@ -65,8 +70,51 @@ fn gaussian_order() -> f64 {
     2.0
 }
 
-impl SuperGaussian {
-    pub(super) fn beam(&self) -> Result<Beam, SourceError> {
+impl SourceShape for SuperGaussian {
+    fn power(&self) -> Option<f64> {
+        self.power
+    }
+
+    fn efficiency(&self) -> f64 {
+        self.absorptivity.unwrap_or(1.0)
+    }
+
+    fn length(&self) -> f64 {
+        self.radius
+    }
+
+    fn surface(&self) -> HeatedSurface {
+        self.sampled.heated_surface
+    }
+
+    /// Takes the absorptivity of the material, where the case gives none.
+    fn complete(&mut self, setup: &Setup<'_>, body: usize) -> Result<(), SetupError> {
+        if self.absorptivity.is_some() {
+            return Ok(());
+        }
+        let expected = "`absorptivity` of the source, or of the material";
+        let refuse = |message: String| Err(SetupError::value("absorptivity", message, expected));
+        if let Some(wavelength) = self.wavelength.filter(|w| !TABULATED.contains(w)) {
+            return refuse(format!(
+                "the absorptivities of materials hold near 1 um, not at a wavelength of {wavelength} m"
+            ));
+        }
+        let mut found: Option<f64> = None;
+        for material in &setup.body(body).materials {
+            let Some(value) = material.get("absorptivity").and_then(|p| p.constant()) else {
+                let name = material.name();
+                return refuse(format!("material `{name}` has no constant `absorptivity`"));
+            };
+            if found.is_some_and(|f| f != value) {
+                return refuse("the materials of the body have different absorptivities".into());
+            }
+            found = Some(value);
+        }
+        self.absorptivity = found;
+        Ok(())
+    }
+
+    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SourceError> {
         within("absorptivity", self.absorptivity.unwrap_or(1.0), 0.0, 1.0)?;
         if let Some(wavelength) = self.wavelength {
             positive("wavelength", wavelength)?;
@@ -74,7 +122,7 @@ impl SuperGaussian {
         let radius = positive("radius", self.radius)?;
         let order = within("order", self.order, 1.0, 50.0)?;
         let length = positive("penetration_depth", self.penetration_depth)?;
-        Ok(Beam {
+        Ok(PowerDensity::Beam(Beam {
             footprint: Footprint::super_gaussian(radius, order),
             depth: match self.penetration {
                 Penetration::Exponential => DepthProfile::Exponential { length },
@@ -90,6 +138,6 @@ impl SuperGaussian {
             normalise: self.sampled.normalise,
             surface: self.sampled.heated_surface,
             widest_key: "radius",
-        })
+        }))
     }
 }

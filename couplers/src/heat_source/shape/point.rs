@@ -13,7 +13,8 @@ use serde::{Deserialize, Serialize};
 use nalgebra::Vector3;
 
 use super::{
-    CellGrid, Cells, Deposit, HeatedBody, HeatedSurface, SourceError, default_efficiency, within,
+    CellGrid, Cells, Deposit, HeatedBody, HeatedSurface, PowerDensity, SourceError, SourceShape,
+    default_efficiency,
 };
 use crate::toolpath::Pose;
 
@@ -49,12 +50,32 @@ pub enum Dwell {
     OnArrival,
 }
 
-impl Point {
-    pub(super) fn checked(&self) -> Result<Self, SourceError> {
-        within("efficiency", self.efficiency, 0.0, 1.0)?;
-        Ok(self.clone())
+impl SourceShape for Point {
+    fn power(&self) -> Option<f64> {
+        self.power
     }
 
+    fn efficiency(&self) -> f64 {
+        self.efficiency
+    }
+
+    fn length(&self) -> f64 {
+        0.0
+    }
+
+    fn surface(&self) -> HeatedSurface {
+        self.heated_surface
+    }
+
+    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SourceError> {
+        if self.heated_surface.direction.is_some() {
+            return Err(SourceError::Direction("a point source"));
+        }
+        Ok(PowerDensity::Point(self.clone()))
+    }
+}
+
+impl Point {
     pub(super) fn add(
         &self,
         body: &(impl HeatedBody + ?Sized),

@@ -30,18 +30,18 @@ const GAUSS: [(f64, f64); 4] = [
 /// right to 1e-5.
 const PANEL: f64 = 0.5;
 
-/// A power density and how it is sampled on the lattice.
+/// A footprint times a depth profile, and how it is sampled on the lattice.
 #[derive(Debug, Clone)]
-pub(super) struct Beam {
-    pub footprint: Footprint,
-    pub depth: DepthProfile,
+pub struct Beam {
+    pub(super) footprint: Footprint,
+    pub(super) depth: DepthProfile,
     /// A plate heated through its thickness H takes power × H / `plate_depth`; `None`: the power.
-    pub plate_depth: Option<f64>,
-    pub sampling: Sampling,
-    pub normalise: bool,
-    pub surface: HeatedSurface,
+    pub(super) plate_depth: Option<f64>,
+    pub(super) sampling: Sampling,
+    pub(super) normalise: bool,
+    pub(super) surface: HeatedSurface,
     /// Key of the greatest lateral length.
-    pub widest_key: &'static str,
+    pub(super) widest_key: &'static str,
 }
 
 /// Work arrays of a step.
@@ -147,7 +147,7 @@ impl Span {
 
 impl Beam {
     /// Refuses a source that covers more cells than can be held.
-    pub fn check_size(&self, grid: &CellGrid) -> Result<(), SourceError> {
+    pub(super) fn check_size(&self, grid: &CellGrid) -> Result<(), SourceError> {
         let axis = self.surface.face.axis();
         let [along, across] = self.footprint.reach();
         let lateral: f64 = (0..3)
@@ -168,7 +168,7 @@ impl Beam {
     }
 
     /// Adds the density of `power` (W) to `values` (W/m³).
-    pub fn add(
+    pub(super) fn add(
         &self,
         body: &(impl HeatedBody + ?Sized),
         pose: &Pose,
@@ -230,7 +230,7 @@ impl Beam {
     }
 
     /// [`Beam::add`] for a body without a lattice.
-    pub fn add_to_cells(
+    pub(super) fn add_to_cells(
         &self,
         cells: &Cells<'_>,
         pose: &Pose,
@@ -359,7 +359,7 @@ impl Beam {
         let table = &mut scratch.lateral;
         table.clear();
         let [u, v] = travel;
-        if shape.is_separable() && (u == 0.0 || v == 0.0) {
+        if let Some(ellipse) = shape.ellipse().filter(|_| u == 0.0 || v == 0.0) {
             for ((span, facing), parts) in spans.iter().zip(travel).zip(&mut scratch.along) {
                 parts.clear();
                 parts.extend((0..span.count).map(|cell| {
@@ -367,14 +367,14 @@ impl Beam {
                     if sampling == Sampling::Point && !span.thickness {
                         let centre = 0.5 * (low + high);
                         let density = match facing {
-                            0.0 => shape.across(centre),
-                            _ => shape.along(facing * centre),
+                            0.0 => ellipse.across(centre),
+                            _ => ellipse.along(facing * centre),
                         };
                         return density * span.width;
                     }
                     let within = |x: f64| match facing {
-                        0.0 => shape.across_from_centre(x),
-                        _ => facing * shape.along_from_centre(facing * x),
+                        0.0 => ellipse.across_from_centre(x),
+                        _ => facing * ellipse.along_from_centre(facing * x),
                     };
                     within(high) - within(low)
                 }));

@@ -8,8 +8,11 @@
 use perimelt_core::flattened;
 
 use super::beam::Beam;
-use super::profile::{DepthProfile, Footprint};
-use super::{ArcPower, CellSampling, SourceError, positive, within};
+use super::profile::{DepthProfile, Ellipse, Footprint};
+use super::{
+    ArcPower, CellGrid, CellSampling, HeatedSurface, PowerDensity, SourceError, SourceShape,
+    positive, within,
+};
 
 flattened! {
     /// An ellipsoid cut in half by the heated face.
@@ -59,17 +62,32 @@ flattened! {
     }
 }
 
-impl SemiEllipsoid {
-    pub(super) fn beam(&self) -> Result<Beam, SourceError> {
-        self.supplied.checked_efficiency()?;
+impl SourceShape for SemiEllipsoid {
+    fn power(&self) -> Option<f64> {
+        self.supplied.power
+    }
+
+    fn efficiency(&self) -> f64 {
+        self.supplied.efficiency()
+    }
+
+    fn length(&self) -> f64 {
+        self.half_length.min(self.half_width)
+    }
+
+    fn surface(&self) -> HeatedSurface {
+        self.sampled.heated_surface
+    }
+
+    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SourceError> {
         let length = positive("half_length", self.half_length)?;
-        Ok(Beam {
-            footprint: Footprint::Ellipse {
+        Ok(PowerDensity::Beam(Beam {
+            footprint: Footprint::Ellipse(Ellipse {
                 front: length,
                 rear: length,
                 half_width: positive("half_width", self.half_width)?,
                 power_in_front: 0.5,
-            },
+            }),
             depth: DepthProfile::Bell {
                 depth: positive("depth", self.depth)?,
             },
@@ -78,7 +96,7 @@ impl SemiEllipsoid {
             normalise: self.sampled.normalise,
             surface: self.sampled.heated_surface,
             widest_key: "half_length",
-        })
+        }))
     }
 }
 
@@ -95,19 +113,36 @@ impl Goldak {
         };
         Ok([front, 2.0 - front])
     }
+}
 
-    pub(super) fn beam(&self) -> Result<Beam, SourceError> {
-        self.supplied.checked_efficiency()?;
+impl SourceShape for Goldak {
+    fn power(&self) -> Option<f64> {
+        self.supplied.power
+    }
+
+    fn efficiency(&self) -> f64 {
+        self.supplied.efficiency()
+    }
+
+    fn length(&self) -> f64 {
+        self.front_length.min(self.rear_length).min(self.half_width)
+    }
+
+    fn surface(&self) -> HeatedSurface {
+        self.sampled.heated_surface
+    }
+
+    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SourceError> {
         let front = positive("front_length", self.front_length)?;
         let rear = positive("rear_length", self.rear_length)?;
         let [front_fraction, _] = self.fractions()?;
-        Ok(Beam {
-            footprint: Footprint::Ellipse {
+        Ok(PowerDensity::Beam(Beam {
+            footprint: Footprint::Ellipse(Ellipse {
                 front,
                 rear,
                 half_width: positive("half_width", self.half_width)?,
                 power_in_front: 0.5 * front_fraction,
-            },
+            }),
             depth: DepthProfile::Bell {
                 depth: positive("depth", self.depth)?,
             },
@@ -120,7 +155,7 @@ impl Goldak {
             } else {
                 "front_length"
             },
-        })
+        }))
     }
 }
 

@@ -18,17 +18,21 @@ use std::f64::consts::PI;
 /// The density counts as zero below `exp(-CUT)` = 1e-14 of its peak.
 const CUT: f64 = 32.236;
 
+/// Two half ellipses: c = `front` for xi > 0 and `rear` behind, a = `half_width`. The fraction `power_in_front` (f_f / 2) of
+/// the power lies in the front half.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Ellipse {
+    pub front: f64,
+    pub rear: f64,
+    pub half_width: f64,
+    pub power_in_front: f64,
+}
+
 /// Power per area on the heated face, for a power of 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Footprint {
-    /// Two half ellipses: c = `front` for xi > 0 and `rear` behind, a = `half_width`. The fraction
-    /// `power_in_front` (f_f / 2) of the power lies in the front half.
-    Ellipse {
-        front: f64,
-        rear: f64,
-        half_width: f64,
-        power_in_front: f64,
-    },
+    /// Two half ellipses, the product of a function of xi and one of eta.
+    Ellipse(Ellipse),
     /// Super-Gaussian of radius w and order k.
     SuperGaussian { radius: f64, order: f64, peak: f64 },
 }
@@ -36,12 +40,12 @@ pub(super) enum Footprint {
 impl Footprint {
     /// Circular Gaussian with `exp(-3 r²/c²)`.
     pub fn round(radius: f64) -> Self {
-        Self::Ellipse {
+        Self::Ellipse(Ellipse {
             front: radius,
             rear: radius,
             half_width: radius,
             power_in_front: 0.5,
-        }
+        })
     }
 
     /// Super-Gaussian beam of order k: `peak = k 4^(1/k) / (2 pi w² Gamma(2/k))`.
@@ -59,20 +63,23 @@ impl Footprint {
         }
     }
 
-    /// Whether the density is a product of a function of xi and one of eta.
-    pub fn is_separable(&self) -> bool {
-        matches!(self, Self::Ellipse { .. })
+    /// The ellipse whose factors are known, if it is one.
+    pub fn ellipse(&self) -> Option<&Ellipse> {
+        match self {
+            Self::Ellipse(ellipse) => Some(ellipse),
+            Self::SuperGaussian { .. } => None,
+        }
     }
 
     /// Whether the travel direction makes no difference.
     pub fn is_round(&self) -> bool {
         match *self {
-            Self::Ellipse {
+            Self::Ellipse(Ellipse {
                 front,
                 rear,
                 half_width,
                 power_in_front,
-            } => front == rear && front == half_width && power_in_front == 0.5,
+            }) => front == rear && front == half_width && power_in_front == 0.5,
             Self::SuperGaussian { .. } => true,
         }
     }
@@ -80,12 +87,12 @@ impl Footprint {
     /// Extent of the density along and across the travel direction (m).
     pub fn reach(&self) -> [f64; 2] {
         match *self {
-            Self::Ellipse {
+            Self::Ellipse(Ellipse {
                 front,
                 rear,
                 half_width,
                 ..
-            } => [front.max(rear), half_width].map(|length| length * (CUT / 3.0).sqrt()),
+            }) => [front.max(rear), half_width].map(|length| length * (CUT / 3.0).sqrt()),
             Self::SuperGaussian { radius, order, .. } => {
                 [radius * (0.5 * CUT).powf(1.0 / order); 2]
             }
@@ -95,12 +102,12 @@ impl Footprint {
     /// Shortest length over which the density changes (m).
     pub fn finest(&self) -> f64 {
         match *self {
-            Self::Ellipse {
+            Self::Ellipse(Ellipse {
                 front,
                 rear,
                 half_width,
                 ..
-            } => front.min(rear).min(half_width),
+            }) => front.min(rear).min(half_width),
             // the rim gets steeper with the order
             Self::SuperGaussian { radius, order, .. } => {
                 radius * (4.0 / order).clamp(1.0 / 16.0, 1.0)
@@ -116,12 +123,12 @@ impl Footprint {
     /// ```
     pub fn density(&self, xi: f64, eta: f64) -> f64 {
         let (peak, exponent) = match *self {
-            Self::Ellipse {
+            Self::Ellipse(Ellipse {
                 front,
                 rear,
                 half_width,
                 power_in_front,
-            } => {
+            }) => {
                 let (length, fraction) = if xi >= 0.0 {
                     (front, power_in_front)
                 } else {
@@ -146,57 +153,35 @@ impl Footprint {
             peak * (-exponent).exp()
         }
     }
+}
 
-    /// Factor of the ellipse along the travel direction, `f sqrt(3/pi)/c exp(-3 xi²/c²)` (1/m).
+impl Ellipse {
+    /// Factor along the travel direction, `f sqrt(3/pi)/c exp(-3 xi²/c²)` (1/m).
     pub fn along(&self, xi: f64) -> f64 {
-        let Self::Ellipse {
-            front,
-            rear,
-            power_in_front,
-            ..
-        } = *self
-        else {
-            return f64::NAN;
-        };
         if xi >= 0.0 {
-            2.0 * power_in_front * bell(xi, front)
+            2.0 * self.power_in_front * bell(xi, self.front)
         } else {
-            2.0 * (1.0 - power_in_front) * bell(xi, rear)
+            2.0 * (1.0 - self.power_in_front) * bell(xi, self.rear)
         }
     }
 
-    /// Factor of the ellipse across the travel direction, `sqrt(3/pi)/a exp(-3 eta²/a²)` (1/m).
+    /// Factor across the travel direction, `sqrt(3/pi)/a exp(-3 eta²/a²)` (1/m).
     pub fn across(&self, eta: f64) -> f64 {
-        let Self::Ellipse { half_width, .. } = *self else {
-            return f64::NAN;
-        };
-        bell(eta, half_width)
+        bell(eta, self.half_width)
     }
 
     /// Integral of [`along`](Self::along) from 0 to `xi`, by error functions.
     pub fn along_from_centre(&self, xi: f64) -> f64 {
-        let Self::Ellipse {
-            front,
-            rear,
-            power_in_front,
-            ..
-        } = *self
-        else {
-            return f64::NAN;
-        };
         if xi >= 0.0 {
-            2.0 * power_in_front * half_bell(xi, front)
+            2.0 * self.power_in_front * half_bell(xi, self.front)
         } else {
-            2.0 * (1.0 - power_in_front) * half_bell(xi, rear)
+            2.0 * (1.0 - self.power_in_front) * half_bell(xi, self.rear)
         }
     }
 
     /// Integral of [`across`](Self::across) from 0 to `eta`.
     pub fn across_from_centre(&self, eta: f64) -> f64 {
-        let Self::Ellipse { half_width, .. } = *self else {
-            return f64::NAN;
-        };
-        half_bell(eta, half_width)
+        half_bell(eta, self.half_width)
     }
 }
 
@@ -308,12 +293,13 @@ mod tests {
     #[test]
     fn factors_of_an_ellipse_integrate_to_its_parts() {
         let (front, rear, half_width, power_in_front) = (2e-3, 3e-3, 1e-3, 0.3);
-        let ellipse = Footprint::Ellipse {
+        let ellipse = Ellipse {
             front,
             rear,
             half_width,
             power_in_front,
         };
+        let footprint = Footprint::Ellipse(ellipse);
         for (xi, eta) in [
             (1e-3, 0.4e-3),
             (-1e-3, 0.4e-3),
@@ -329,7 +315,7 @@ mod tests {
             let exponent = -3.0 * (xi * xi / (length * length) + eta * eta / 1e-6);
             let expected = 6.0 * fraction / (PI * length * half_width) * f64::exp(exponent);
             for found in [
-                ellipse.density(xi, eta),
+                footprint.density(xi, eta),
                 ellipse.along(xi) * ellipse.across(eta),
             ] {
                 assert!(
@@ -362,9 +348,9 @@ mod tests {
         assert!((ellipse.along_from_centre(1.0) - power_in_front).abs() < 1e-12);
         assert!((ellipse.along_from_centre(-1.0) + 1.0 - power_in_front).abs() < 1e-12);
         assert!((ellipse.across_from_centre(1.0) - 0.5).abs() < 1e-12);
-        assert_eq!(ellipse.finest(), 1e-3);
+        assert_eq!(footprint.finest(), 1e-3);
         let reach = (CUT / 3.0).sqrt();
-        assert_eq!(ellipse.reach(), [3e-3 * reach, 1e-3 * reach]);
+        assert_eq!(footprint.reach(), [3e-3 * reach, 1e-3 * reach]);
     }
 
     /// `2 pi` times the integral of the density times the radius is 1.
@@ -394,7 +380,7 @@ mod tests {
             let at_radius = beam.density(radius, 0.0) / beam.density(0.0, 0.0);
             assert!((at_radius - f64::exp(-2.0)).abs() < 1e-12, "{order}");
             assert!((beam.finest() - finest * radius).abs() < 1e-15, "{order}");
-            assert!(beam.is_round() && beam.is_separable() == (order == 2.0));
+            assert!(beam.is_round() && beam.ellipse().is_some() == (order == 2.0));
         }
     }
 
@@ -407,12 +393,12 @@ mod tests {
             ([1.0, 1.0, 2.0, 0.5], false),
             ([1.0, 1.0, 1.0, 0.6], false),
         ] {
-            let ellipse = Footprint::Ellipse {
+            let ellipse = Footprint::Ellipse(Ellipse {
                 front,
                 rear,
                 half_width,
                 power_in_front,
-            };
+            });
             assert_eq!(ellipse.is_round(), is_round, "{ellipse:?}");
         }
     }

@@ -2,8 +2,10 @@
 
 use nalgebra::Vector3;
 
-use super::beam::{Beam, Scratch};
-use super::{CellGrid, Cells, DensitySource, HeatedBody, Point, Sampling, Source, SourceError};
+use super::beam::Scratch;
+use super::{
+    CellGrid, Cells, HeatedBody, PowerDensity, Sampling, SourceError, SourceShape, within,
+};
 use crate::toolpath::Pose;
 
 /// Powers of one deposit (W), for the log.
@@ -24,52 +26,37 @@ impl Deposit {
     }
 }
 
-/// A checked source with its work arrays, for one body. Steps do not allocate.
+/// A checked power density with its work arrays, for one body. Steps do not allocate.
 #[derive(Debug, Clone)]
 pub struct Depositor {
-    source: CheckedSource,
+    density: PowerDensity,
     efficiency: f64,
     /// Axis of the torch, where it is not normal to the heated face.
     axis: Option<Vector3<f64>>,
     scratch: Scratch,
 }
 
-#[derive(Debug, Clone)]
-enum CheckedSource {
-    Point(Point),
-    Beam(Beam),
-    Density(DensitySource),
-}
-
 impl Depositor {
-    /// Checks a source and prepares it for a body on the lattice `grid`.
+    /// Checks a shape and prepares its power density for a body on the lattice `grid`.
     ///
     /// # Errors
     /// [`SourceError`], naming the key at fault.
-    pub fn new(source: &Source, grid: &CellGrid) -> Result<Self, SourceError> {
-        let checked = match source {
-            Source::Point(point) => CheckedSource::Point(point.checked()?),
-            Source::Gaussian(source) => CheckedSource::Beam(source.beam(grid)?),
-            Source::SemiEllipsoid(source) => CheckedSource::Beam(source.beam()?),
-            Source::Goldak(source) => CheckedSource::Beam(source.beam()?),
-            Source::SuperGaussian(source) => CheckedSource::Beam(source.beam()?),
-            Source::Profile(source) => CheckedSource::Density(source.density()?.checked(grid)?),
-            Source::Density(source) => CheckedSource::Density(source.checked(grid)?),
-        };
-        let axis = match &checked {
-            CheckedSource::Beam(beam) => {
+    pub fn new(shape: &dyn SourceShape, grid: &CellGrid) -> Result<Self, SourceError> {
+        let density = shape.power_density(grid)?;
+        let axis = match &density {
+            PowerDensity::Beam(beam) => {
                 beam.check_size(grid)?;
                 beam.surface.axis(grid)?
             }
-            CheckedSource::Point(point) if point.heated_surface.direction.is_some() => {
-                return Err(SourceError::Direction("a point source"));
+            PowerDensity::Point(_) => None,
+            PowerDensity::Sampled(sampled) => {
+                sampled.check(grid)?;
+                sampled.surface.axis(grid)?
             }
-            CheckedSource::Point(_) => None,
-            CheckedSource::Density(density) => density.surface.axis(grid)?,
         };
         Ok(Self {
-            source: checked,
-            efficiency: source.efficiency(),
+            density,
+            efficiency: within("efficiency", shape.efficiency(), 0.0, 1.0)?,
             axis,
             scratch: Scratch::default(),
         })
@@ -90,9 +77,9 @@ impl Depositor {
     /// # Errors
     /// [`SourceError::PointSampling`] and [`SourceError::Direction`].
     pub fn check_cells(&self) -> Result<(), SourceError> {
-        match &self.source {
+        match &self.density {
             _ if self.axis.is_some() => Err(SourceError::Direction("a body without a lattice")),
-            CheckedSource::Beam(beam) if beam.sampling == Sampling::Point => {
+            PowerDensity::Beam(beam) if beam.sampling == Sampling::Point => {
                 Err(SourceError::PointSampling)
             }
             _ => Ok(()),
@@ -105,14 +92,14 @@ impl Depositor {
         if power == 0.0 {
             return Deposit::default();
         }
-        match &self.source {
-            CheckedSource::Point(point) => {
+        match &self.density {
+            PowerDensity::Point(point) => {
                 point.add_to_cells(cells, pose, power, values, &mut self.scratch.parts)
             }
-            CheckedSource::Beam(beam) => {
+            PowerDensity::Beam(beam) => {
                 beam.add_to_cells(cells, pose, power, values, &mut self.scratch)
             }
-            CheckedSource::Density(density) => {
+            PowerDensity::Sampled(density) => {
                 density.add_to_cells(cells, pose, power, values, &mut self.scratch.parts)
             }
         }
@@ -133,14 +120,14 @@ impl Depositor {
         }
         let axis = pose.torch.or(self.axis).filter(|_| !body.grid().plate);
         let scratch = &mut self.scratch;
-        match (&self.source, axis) {
-            (CheckedSource::Point(point), _) => point.add(body, pose, power, values),
-            (CheckedSource::Beam(beam), Some(axis)) => {
+        match (&self.density, axis) {
+            (PowerDensity::Point(point), _) => point.add(body, pose, power, values),
+            (PowerDensity::Beam(beam), Some(axis)) => {
                 let sampled = beam.tilted(pose, axis);
                 sampled.add(body, power, values, &mut scratch.lateral)
             }
-            (CheckedSource::Beam(beam), None) => beam.add(body, pose, power, values, scratch),
-            (CheckedSource::Density(density), axis) => {
+            (PowerDensity::Beam(beam), None) => beam.add(body, pose, power, values, scratch),
+            (PowerDensity::Sampled(density), axis) => {
                 let sampled = density.sampled(pose, axis);
                 sampled.add(body, power, values, &mut scratch.lateral)
             }

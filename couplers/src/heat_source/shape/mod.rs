@@ -1,4 +1,4 @@
-//! Heat sources: power densities, deposited on the cells of a body with exact total power.
+//! Shapes of heat sources: power densities, deposited on the cells of a body with exact total power.
 //!
 //! | source | file | density |
 //! |---|---|---|
@@ -8,10 +8,10 @@
 //! | [`Goldak`] | `ellipsoid.rs` | `SemiEllipsoid` with different lengths in front and behind |
 //! | [`SuperGaussian`] | `super_gaussian.rs` | `exp(-2 (r/w)^k)`, times a choice of depth profiles |
 //! | [`Profile`] | `formula_profile.rs` | a formula in x, y, z and r |
-//! | [`DensitySource`] | `density.rs` | a shape of another crate |
+//! | a shape of another crate | | any [`Density`] |
 //! | [`PulsedLaser`] | `pulsed.rs` | `exp(-zeta/l)` under a whole face, a pulse in time, no toolpath |
 //!
-//! A [`Depositor`] adds the power density (W/m³) of a [`Source`] to the points of a [`HeatedBody`] and
+//! A [`Depositor`] adds the [`PowerDensity`] (W/m³) of a [`SourceShape`] to the points of a [`HeatedBody`] and
 //! returns a [`Deposit`], the powers to log. The coordinate xi runs along the travel direction, eta across
 //! it, and zeta is the depth below the heated face; above the face the density is zero.
 //!
@@ -40,8 +40,9 @@ mod super_gaussian;
 mod tests;
 mod tilted;
 
+pub use beam::Beam;
 pub use cells::{Cells, Cover};
-pub use density::{Density, DensitySource};
+pub use density::{Density, DensityOnFace};
 pub use deposit::{Deposit, Depositor};
 pub use ellipsoid::{Goldak, SemiEllipsoid};
 pub use formula_profile::Profile;
@@ -51,58 +52,48 @@ pub use point::{Dwell, Point};
 pub use pulsed::PulsedLaser;
 pub use super_gaussian::{Penetration, SuperGaussian};
 
-use perimelt_core::shared_keys;
+use perimelt_core::{Setup, SetupError, shared_keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A heat source that moves along a toolpath, as written in a case file:
-/// `source.goldak = { ... }`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Source {
-    /// All power in the cells around one lattice vertex.
-    Point(Point),
-    /// Surface Gaussian with an effective depth.
-    Gaussian(Gaussian),
-    /// Semi-ellipsoid.
-    SemiEllipsoid(SemiEllipsoid),
-    /// Goldak double ellipsoid.
-    Goldak(Goldak),
-    /// Super-Gaussian beam.
-    SuperGaussian(SuperGaussian),
-    /// A formula.
-    Profile(Profile),
-    /// A density of another crate.
-    #[serde(skip)]
-    Density(DensitySource),
-}
-
-impl Source {
-    /// Power where the toolpath gives none (W), before efficiency or absorptivity.
-    pub fn power(&self) -> Option<f64> {
-        match self {
-            Self::Point(source) => source.power,
-            Self::Gaussian(source) => source.supplied.power,
-            Self::SemiEllipsoid(source) => source.supplied.power,
-            Self::Goldak(source) => source.supplied.power,
-            Self::SuperGaussian(source) => source.power,
-            Self::Profile(source) => source.supplied.power,
-            Self::Density(source) => source.power,
-        }
-    }
+/// The shape of a moving heat source, with its keys in the case file.
+pub trait SourceShape: std::fmt::Debug {
+    /// Power where the toolpath gives none (W), before the efficiency.
+    fn power(&self) -> Option<f64>;
 
     /// Part of the power that enters the body: arc efficiency or absorptivity.
-    pub fn efficiency(&self) -> f64 {
-        match self {
-            Self::Point(source) => source.efficiency,
-            Self::Gaussian(source) => source.supplied.efficiency(),
-            Self::SemiEllipsoid(source) => source.supplied.efficiency(),
-            Self::Goldak(source) => source.supplied.efficiency(),
-            Self::SuperGaussian(source) => source.absorptivity.unwrap_or(1.0),
-            Self::Profile(source) => source.supplied.efficiency(),
-            Self::Density(source) => source.efficiency,
-        }
+    fn efficiency(&self) -> f64;
+
+    /// Shortest length on the heated face, m; zero for a point.
+    fn length(&self) -> f64;
+
+    /// Heated face.
+    fn surface(&self) -> HeatedSurface;
+
+    /// Completes the shape with properties of the materials of the body.
+    ///
+    /// # Errors
+    /// When a property that is needed is missing.
+    fn complete(&mut self, _setup: &Setup<'_>, _body: usize) -> Result<(), SetupError> {
+        Ok(())
     }
+
+    /// The power density on a body with the cells of `grid`.
+    ///
+    /// # Errors
+    /// Keys without a meaning.
+    fn power_density(&self, grid: &CellGrid) -> Result<PowerDensity, SourceError>;
+}
+
+/// A power density that a [`Depositor`] adds to the points of a body.
+#[derive(Debug, Clone)]
+pub enum PowerDensity {
+    /// All power in the cells around one lattice vertex.
+    Point(Point),
+    /// A footprint on the heated face times a depth profile, with exact averages of cells.
+    Beam(Beam),
+    /// Any density, which is sampled.
+    Sampled(DensityOnFace),
 }
 
 /// Arc welding processes, with the thermal efficiencies of EN 1011-1 as SSAB quotes them (plasma has that of TIG): the part
@@ -158,11 +149,6 @@ impl ArcPower {
     fn efficiency(&self) -> f64 {
         let of_process = self.process.map(ArcProcess::efficiency);
         self.efficiency.or(of_process).unwrap_or(1.0)
-    }
-
-    /// [`ArcPower::efficiency`], checked to lie between 0 and 1.
-    fn checked_efficiency(&self) -> Result<f64, SourceError> {
-        within("efficiency", self.efficiency(), 0.0, 1.0)
     }
 }
 

@@ -16,7 +16,7 @@ use std::rc::Rc;
 use nalgebra::Vector3;
 
 use super::sampled::{Sampled, SourceFrame};
-use super::{CellGrid, Cells, Deposit, HeatedSurface, SourceError, positive, within};
+use super::{CellGrid, Cells, Deposit, HeatedSurface, SourceError, positive};
 use crate::toolpath::Pose;
 
 /// Most samples of the density in a step.
@@ -37,32 +37,18 @@ pub trait Density: Debug {
     fn finest(&self) -> f64;
 }
 
-/// A [`Density`] with its power and the face that it heats, the [`Source`](super::Source) of a shape of another crate.
+/// A [`Density`] and the face that it heats.
 #[derive(Debug, Clone)]
-pub struct DensitySource {
-    /// Power where the toolpath gives none (W).
-    pub power: Option<f64>,
-    /// Part of the power that enters the body, 0 to 1.
-    pub efficiency: f64,
+pub struct DensityOnFace {
     /// The density.
     pub density: Rc<dyn Density>,
     /// The heated face.
     pub surface: HeatedSurface,
 }
 
-impl PartialEq for DensitySource {
-    fn eq(&self, other: &Self) -> bool {
-        Rc::ptr_eq(&self.density, &other.density)
-            && self.power == other.power
-            && self.efficiency == other.efficiency
-            && self.surface == other.surface
-    }
-}
-
-impl DensitySource {
+impl DensityOnFace {
     /// Checks lengths and values of the density.
-    pub(super) fn checked(&self, grid: &CellGrid) -> Result<Self, SourceError> {
-        within("efficiency", self.efficiency, 0.0, 1.0)?;
+    pub(super) fn check(&self, grid: &CellGrid) -> Result<(), SourceError> {
         let reach = self.density.reach();
         let finest = positive("reach", self.density.finest())?;
         for length in reach {
@@ -105,7 +91,7 @@ impl DensitySource {
                 cells: samples,
                 limit: MOST_SAMPLES,
             }),
-            false => Ok(self.clone()),
+            false => Ok(()),
         }
     }
 

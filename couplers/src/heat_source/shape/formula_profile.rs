@@ -8,8 +8,8 @@ use perimelt_core::formula::Formula;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-use super::density::{Density, DensitySource};
-use super::{ArcPower, HeatedSurface, SourceError, positive};
+use super::density::{Density, DensityOnFace};
+use super::{ArcPower, CellGrid, HeatedSurface, PowerDensity, SourceError, SourceShape, positive};
 
 /// Variables of a profile.
 const VARIABLES: [&str; 4] = ["x", "y", "z", "r"];
@@ -48,18 +48,33 @@ impl Profile {
         self.finest
             .unwrap_or(USUAL_FINEST * self.reach.min(self.depth))
     }
+}
 
-    pub(super) fn density(&self) -> Result<DensitySource, SourceError> {
-        let efficiency = self.supplied.checked_efficiency()?;
+impl SourceShape for Profile {
+    fn power(&self) -> Option<f64> {
+        self.supplied.power
+    }
+
+    fn efficiency(&self) -> f64 {
+        self.supplied.efficiency()
+    }
+
+    fn length(&self) -> f64 {
+        self.finest.unwrap_or(0.25 * self.reach)
+    }
+
+    fn surface(&self) -> HeatedSurface {
+        self.heated_surface
+    }
+
+    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SourceError> {
         positive("reach", self.reach)?;
         positive("depth", self.depth)?;
         positive("finest", self.finest())?;
-        Ok(DensitySource {
-            power: self.supplied.power,
-            efficiency,
+        Ok(PowerDensity::Sampled(DensityOnFace {
             density: Rc::new(self.clone()),
             surface: self.heated_surface,
-        })
+        }))
     }
 }
 

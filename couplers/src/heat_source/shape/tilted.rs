@@ -16,7 +16,7 @@ use crate::toolpath::Pose;
 
 impl Beam {
     /// The density at `pose` with the axis of the torch along the unit vector `axis`.
-    pub fn tilted(&self, pose: &Pose, axis: Vector3<f64>) -> Sampled<'_> {
+    pub(super) fn tilted(&self, pose: &Pose, axis: Vector3<f64>) -> Sampled<'_> {
         let mut origin = pose.position;
         if let Some(level) = self.surface.level {
             origin[self.surface.face.axis()] = level;
@@ -39,13 +39,13 @@ impl Beam {
 #[cfg(test)]
 mod tests {
     use super::super::heated_body::lattice::TestLattice;
-    use super::super::{Deposit, Depositor, Source};
+    use super::super::{Deposit, Depositor, Goldak};
     use super::*;
 
-    fn goldak(direction: [f64; 3]) -> Source {
+    fn goldak(direction: [f64; 3]) -> Goldak {
         toml::from_str(&format!(
-            "goldak = {{ front_length = 2e-3, rear_length = 4e-3, half_width = 2e-3, depth = 2e-3,
-             heated_surface = {{ direction = {direction:?} }} }}"
+            "front_length = 2e-3\nrear_length = 4e-3\nhalf_width = 2e-3\ndepth = 2e-3
+             heated_surface = {{ direction = {direction:?} }}"
         ))
         .expect("a valid source")
     }
@@ -89,9 +89,9 @@ mod tests {
         let at = [0.02, 0.015, 0.015];
         let (tilted, values) = deposit(&lattice, [0.0, 0.0, -2.0], at);
         let source = toml::from_str(
-            "goldak = { front_length = 2e-3, rear_length = 4e-3, half_width = 2e-3, depth = 2e-3 }",
+            "front_length = 2e-3\nrear_length = 4e-3\nhalf_width = 2e-3\ndepth = 2e-3",
         );
-        let source: Source = source.expect("valid");
+        let source: Goldak = source.expect("valid");
         let mut upright = vec![0.0; values.len()];
         let mut depositor = Depositor::new(&source, &lattice.grid).expect("valid");
         depositor.add(&lattice, &pose(at), &mut upright);

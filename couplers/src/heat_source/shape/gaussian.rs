@@ -10,7 +10,10 @@ use perimelt_core::flattened;
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{ArcPower, CellGrid, CellSampling, SourceError, positive};
+use super::{
+    ArcPower, CellGrid, CellSampling, HeatedSurface, PowerDensity, SourceError, SourceShape,
+    positive,
+};
 
 flattened! {
     /// A Gaussian on the surface with an effective depth.
@@ -29,16 +32,31 @@ flattened! {
     }
 }
 
-impl Gaussian {
-    pub(super) fn beam(&self, grid: &CellGrid) -> Result<Beam, SourceError> {
-        self.supplied.checked_efficiency()?;
+impl SourceShape for Gaussian {
+    fn power(&self) -> Option<f64> {
+        self.supplied.power
+    }
+
+    fn efficiency(&self) -> f64 {
+        self.supplied.efficiency()
+    }
+
+    fn length(&self) -> f64 {
+        self.sigma
+    }
+
+    fn surface(&self) -> HeatedSurface {
+        self.sampled.heated_surface
+    }
+
+    fn power_density(&self, grid: &CellGrid) -> Result<PowerDensity, SourceError> {
         let axis = self.sampled.heated_surface.face.axis();
         let depth = match self.effective_depth {
             Some(depth) => positive("effective_depth", depth)?,
             None if grid.is_thickness(axis) => grid.spacing[axis],
             None => return Err(SourceError::EffectiveDepth),
         };
-        Ok(Beam {
+        Ok(PowerDensity::Beam(Beam {
             // exp(-r²/2 sigma²) = exp(-3 r²/c²)
             footprint: Footprint::round(6_f64.sqrt() * positive("sigma", self.sigma)?),
             depth: DepthProfile::Uniform { depth },
@@ -47,6 +65,6 @@ impl Gaussian {
             normalise: self.sampled.normalise,
             surface: self.sampled.heated_surface,
             widest_key: "sigma",
-        })
+        }))
     }
 }
