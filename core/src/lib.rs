@@ -18,6 +18,7 @@ mod axis;
 pub mod body;
 pub mod cell_list;
 pub mod error;
+mod explanation;
 pub mod family;
 pub mod field;
 pub mod flattened;

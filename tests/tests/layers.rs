@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Modules of `perimelt-core`, the lowest first.
-const CORE: &str = "axis input folder text cell_list formula shape material samples in_time programme body \
+const CORE: &str = "axis input folder text explanation flattened cell_list neighbours formula shape material samples in_time programme body \
                     solver family pddo error stepping in_space field world setup pair_list schedule plugin log simulation";
 
 /// Modules of `perimelt`, the lowest first.

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::body::{Body, Face};
-use crate::error::Explanation;
+use crate::explanation::Explanation;
 
 use super::Influence;
 use crate::body::Horizon;

@@ -32,7 +32,7 @@ pub use section::MaterialSection;
 pub use table::{Table, TableError};
 pub use vocabulary::{COMMON_PROPERTIES, PropertyKey, ValueRange, find_property, known_properties};
 
-use crate::error::Explanation;
+use crate::explanation::Explanation;
 use std::collections::BTreeMap;
 
 use thiserror::Error;
