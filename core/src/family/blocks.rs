@@ -69,6 +69,7 @@ impl Blocks {
     }
 
     /// The weights of a bond of a point, by its block and lane.
+    #[inline]
     pub(super) fn weights_of(&self, (block, lane): (usize, usize), number: usize) -> [f64; 2] {
         self.weights(block)[number].map(|lanes| lanes[lane])
     }

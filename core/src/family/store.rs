@@ -167,6 +167,7 @@ impl CloudRows {
 
 impl StencilBonds {
     /// All bonds of a point in a slot: number in the stencil, bond, slot of the other end.
+    #[inline]
     pub(super) fn for_each_bond(
         &self,
         point: usize,
@@ -174,13 +175,14 @@ impl StencilBonds {
         mut receive: impl FnMut(usize, &Bond, usize),
     ) {
         let own = self.blocks.find(point as u32);
+        let own = own.map(|(block, lane)| (self.blocks.weights(block), lane));
         for (number, StencilBond { offset, bond }) in self.stencil.bonds.iter().enumerate() {
             let other = slot.wrapping_add_signed(*offset);
-            let Some(place) = own else {
+            let Some((weights, lane)) = own else {
                 receive(number, bond, other);
                 continue;
             };
-            let [weight, dual] = self.blocks.weights_of(place, number);
+            let [weight, dual] = weights[number].map(|lanes| lanes[lane]);
             if weight != 0.0 || dual != 0.0 {
                 let bond = Bond {
                     weight,
