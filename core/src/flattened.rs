@@ -4,7 +4,7 @@
 //! where it stands in the table:
 //!
 //! - [`shared_keys!`](crate::shared_keys) defines a struct with keys that several tables share, documented once;
-//! - [`flattened!`](crate::flattened) defines a table with keys of its own besides shared keys;
+//! - [`flattened!`](crate::flattened!) defines a table with keys of its own besides shared keys;
 //! - [`read`] reads shared keys besides a type that is known to a generic parameter only.
 
 mod macros;

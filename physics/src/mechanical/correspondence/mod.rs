@@ -427,7 +427,7 @@ impl Solid for Correspondence {
         &self.base.tensors
     }
 
-    /// Largest frequency by a power iteration; broken bonds and births may raise its square by [`RISE`].
+    /// Largest frequency by a power iteration; broken bonds and births may raise its square by the factor `RISE`.
     fn largest_frequency(&mut self, density: &[f64], rules: &[LayerRule]) -> f64 {
         let dimension = self.base.dimension;
         let components = 0..3 * density.len();
