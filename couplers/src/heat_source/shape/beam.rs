@@ -11,7 +11,7 @@
 
 use super::heated_body::depth_range;
 use super::profile::{DepthProfile, Footprint};
-use super::{CellGrid, Cells, Deposit, HeatedBody, HeatedSurface, Sampling, SourceError};
+use super::{CellGrid, CellSampling, Cells, Deposit, HeatedBody, Sampling, SourceError};
 use crate::toolpath::Pose;
 use nalgebra::Vector3;
 
@@ -37,9 +37,7 @@ pub struct Beam {
     pub(super) depth: DepthProfile,
     /// A plate heated through its thickness H takes power × H / `plate_depth`; `None`: the power.
     pub(super) plate_depth: Option<f64>,
-    pub(super) sampling: Sampling,
-    pub(super) normalise: bool,
-    pub(super) surface: HeatedSurface,
+    pub(super) sampled: CellSampling,
     /// Key of the greatest lateral length.
     pub(super) widest_key: &'static str,
 }
@@ -148,7 +146,7 @@ impl Span {
 impl Beam {
     /// Refuses a source that covers more cells than can be held.
     pub(super) fn check_size(&self, grid: &CellGrid) -> Result<(), SourceError> {
-        let axis = self.surface.face.axis();
+        let axis = self.sampled.heated_surface.face.axis();
         let [along, across] = self.footprint.reach();
         let lateral: f64 = (0..3)
             .filter(|&other| other != axis && !grid.is_thickness(other))
@@ -177,25 +175,33 @@ impl Beam {
         scratch: &mut Scratch,
     ) -> Deposit {
         let grid = *body.grid();
-        let depth_axis = self.surface.face.axis();
+        let depth_axis = self.sampled.heated_surface.face.axis();
         let axes = [(depth_axis + 1) % 3, (depth_axis + 2) % 3];
         let asked = self.asked(&grid, power);
         let travel = self.travel(axes.map(|axis| pose.direction[axis]));
         let reach = self.reach(travel);
         let spans = [0, 1].map(|i| Span::new(&grid, axes[i], pose.position[axes[i]], reach[i]));
-        let level = self.surface.level.unwrap_or(pose.position[depth_axis]);
-        let first_layer = self.fill_depth(&grid, level, self.sampling, &mut scratch.depth);
-        self.fill_lateral(&spans, travel, self.sampling, scratch);
+        let level = self
+            .sampled
+            .heated_surface
+            .level
+            .unwrap_or(pose.position[depth_axis]);
+        let first_layer = self.fill_depth(&grid, level, self.sampled.sampling, &mut scratch.depth);
+        self.fill_lateral(&spans, travel, self.sampled.sampling, scratch);
         let sum = |parts: &[f64]| parts.iter().sum::<f64>();
         let mut all = sum(&scratch.lateral) * sum(&scratch.depth);
         let mut layer = first_layer;
-        if all == 0.0 && self.normalise {
+        if all == 0.0 && self.sampled.normalise {
             // the source lies between the cell centres
             layer = self.fill_depth(&grid, level, Sampling::CellAverage, &mut scratch.depth);
             self.fill_lateral(&spans, travel, Sampling::CellAverage, scratch);
             all = sum(&scratch.lateral) * sum(&scratch.depth);
         }
-        let scale = if self.normalise { asked / all } else { asked };
+        let scale = if self.sampled.normalise {
+            asked / all
+        } else {
+            asked
+        };
 
         let rows = inside(spans[1].first, spans[1].count, grid.dims[axes[1]]);
         let columns = inside(spans[0].first, spans[0].count, grid.dims[axes[0]]);
@@ -238,13 +244,17 @@ impl Beam {
         values: &mut [f64],
         scratch: &mut Scratch,
     ) -> Deposit {
-        let depth_axis = self.surface.face.axis();
+        let depth_axis = self.sampled.heated_surface.face.axis();
         let axes = [(depth_axis + 1) % 3, (depth_axis + 2) % 3];
         let travel = self.travel(axes.map(|axis| pose.direction[axis]));
         let reach = self.reach(travel);
-        let level = self.surface.level.unwrap_or(pose.position[depth_axis]);
+        let level = self
+            .sampled
+            .heated_surface
+            .level
+            .unwrap_or(pose.position[depth_axis]);
         let depth = self.depth.reach();
-        let (shallow, deep) = match self.surface.face.is_upper() {
+        let (shallow, deep) = match self.sampled.heated_surface.face.is_upper() {
             true => (level - depth, level),
             false => (level, level + depth),
         };
@@ -262,7 +272,7 @@ impl Beam {
             });
             self.fill_lateral(&spans, travel, Sampling::CellAverage, scratch);
             let lateral: f64 = scratch.lateral.iter().sum();
-            let (near, far) = match self.surface.face.is_upper() {
+            let (near, far) = match self.sampled.heated_surface.face.is_upper() {
                 true => (level - high[depth_axis], level - low[depth_axis]),
                 false => (low[depth_axis] - level, high[depth_axis] - level),
             };
@@ -276,14 +286,14 @@ impl Beam {
         parts.extend(cells.near(low, high).map(of_cell));
         let in_box = part(cells.bounds);
         let asked = self.asked(&cells.grid, power);
-        let deposit = cells.deposit(&parts, asked, in_box, self.normalise, values);
+        let deposit = cells.deposit(&parts, asked, in_box, self.sampled.normalise, values);
         scratch.parts = parts;
         deposit
     }
 
     /// The power asked for, W, when the toolpath gives `power`.
     fn asked(&self, grid: &CellGrid, power: f64) -> f64 {
-        let axis = self.surface.face.axis();
+        let axis = self.sampled.heated_surface.face.axis();
         match self.plate_depth {
             Some(depth) if grid.is_thickness(axis) => power * grid.spacing[axis] / depth,
             _ => power,
@@ -319,7 +329,7 @@ impl Beam {
         sampling: Sampling,
         parts: &mut Vec<f64>,
     ) -> i64 {
-        let face = self.surface.face;
+        let face = self.sampled.heated_surface.face;
         let axis = face.axis();
         parts.clear();
         if grid.is_thickness(axis) {

@@ -46,7 +46,7 @@ impl Depositor {
         let axis = match &density {
             PowerDensity::Beam(beam) => {
                 beam.check_size(grid)?;
-                beam.surface.axis(grid)?
+                beam.sampled.heated_surface.axis(grid)?
             }
             PowerDensity::Point(_) => None,
             PowerDensity::Sampled(sampled) => {
@@ -79,7 +79,7 @@ impl Depositor {
     pub fn check_cells(&self) -> Result<(), SourceError> {
         match &self.density {
             _ if self.axis.is_some() => Err(SourceError::Direction("a body without a lattice")),
-            PowerDensity::Beam(beam) if beam.sampling == Sampling::Point => {
+            PowerDensity::Beam(beam) if beam.sampled.sampling == Sampling::Point => {
                 Err(SourceError::PointSampling)
             }
             _ => Ok(()),

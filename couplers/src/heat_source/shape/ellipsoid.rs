@@ -92,9 +92,7 @@ impl SourceShape for SemiEllipsoid {
                 depth: positive("depth", self.depth)?,
             },
             plate_depth: None,
-            sampling: self.sampled.sampling,
-            normalise: self.sampled.normalise,
-            surface: self.sampled.heated_surface,
+            sampled: self.sampled.clone(),
             widest_key: "half_length",
         }))
     }
@@ -147,9 +145,7 @@ impl SourceShape for Goldak {
                 depth: positive("depth", self.depth)?,
             },
             plate_depth: None,
-            sampling: self.sampled.sampling,
-            normalise: self.sampled.normalise,
-            surface: self.sampled.heated_surface,
+            sampled: self.sampled.clone(),
             widest_key: if rear > front {
                 "rear_length"
             } else {

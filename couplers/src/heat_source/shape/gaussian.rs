@@ -61,9 +61,7 @@ impl SourceShape for Gaussian {
             footprint: Footprint::round(6_f64.sqrt() * positive("sigma", self.sigma)?),
             depth: DepthProfile::Uniform { depth },
             plate_depth: Some(depth),
-            sampling: self.sampled.sampling,
-            normalise: self.sampled.normalise,
-            surface: self.sampled.heated_surface,
+            sampled: self.sampled.clone(),
             widest_key: "sigma",
         }))
     }

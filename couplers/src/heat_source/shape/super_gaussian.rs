@@ -134,9 +134,7 @@ impl SourceShape for SuperGaussian {
                 },
             },
             plate_depth: None,
-            sampling: self.sampled.sampling,
-            normalise: self.sampled.normalise,
-            surface: self.sampled.heated_surface,
+            sampled: self.sampled.clone(),
             widest_key: "radius",
         }))
     }

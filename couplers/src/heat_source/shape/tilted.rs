@@ -18,17 +18,17 @@ impl Beam {
     /// The density at `pose` with the axis of the torch along the unit vector `axis`.
     pub(super) fn tilted(&self, pose: &Pose, axis: Vector3<f64>) -> Sampled<'_> {
         let mut origin = pose.position;
-        if let Some(level) = self.surface.level {
-            origin[self.surface.face.axis()] = level;
+        if let Some(level) = self.sampled.heated_surface.level {
+            origin[self.sampled.heated_surface.face.axis()] = level;
         }
         let [along, across] = self.footprint.reach();
         Sampled {
             frame: SourceFrame::new(origin, axis, pose.direction),
             reach: [along, across, self.depth.reach()],
             finest: self.footprint.finest().min(self.depth.finest()),
-            at_centres: self.sampling == Sampling::Point,
+            at_centres: self.sampled.sampling == Sampling::Point,
             is_even: true,
-            normalise: self.normalise,
+            normalise: self.sampled.normalise,
             density: Box::new(|xi, eta, zeta| {
                 self.footprint.density(xi, eta) * self.depth.density(zeta)
             }),
