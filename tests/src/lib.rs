@@ -1,1 +1,36 @@
-//! Verification and command-line tests.
+//! Verification and command-line tests, and what several of them need.
+
+use std::path::{Path, PathBuf};
+
+use perimelt_core::log::Log;
+
+/// The folder of the repository.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// Files with this extension in a folder and its folders.
+///
+/// # Panics
+/// Where a folder cannot be read.
+pub fn files_with(extension: &str, folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("a folder");
+    let paths = entries.map(|entry| entry.expect("an entry").path());
+    let files = paths.flat_map(|path| match path.is_dir() {
+        true => files_with(extension, &path),
+        false => vec![path],
+    });
+    files
+        .filter(|path| path.extension().is_some_and(|e| e == extension))
+        .collect()
+}
+
+/// Bytes of the last checkpoint of a log.
+///
+/// # Panics
+/// For a log that is damaged or has no checkpoint.
+pub fn last_checkpoint(log: &Path) -> Vec<u8> {
+    let log = Log::open(log).expect("the log opens");
+    let last = log.last_checkpoint().expect("it has a checkpoint");
+    log.checkpoint(last).expect("it reads")
+}

@@ -2,14 +2,10 @@
 //! no crate names a package that it does not use.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use perimelt_tests::root;
 use toml::{Table, Value};
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
 
 fn read(name: &str) -> Table {
     let text = std::fs::read_to_string(root().join(name)).expect("readable");

@@ -2,24 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
+use perimelt_tests::{files_with, root};
 
 /// `README.md`, `ARCHITECTURE.md` and the Markdown files of `docs`.
 fn documents() -> Vec<PathBuf> {
     let mut documents = vec![root().join("README.md"), root().join("ARCHITECTURE.md")];
-    let mut folders = vec![root().join("docs")];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|e| e == "md") {
-                documents.push(path);
-            }
-        }
-    }
+    documents.extend(files_with("md", &root().join("docs")));
     documents
 }
 

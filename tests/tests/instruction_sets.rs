@@ -2,9 +2,7 @@
 
 mod program;
 
-use std::path::Path;
-
-use perimelt_core::log::Log;
+use perimelt_tests::last_checkpoint;
 use program::command;
 
 const WELD: &str = include_str!("cases/weld.toml");
@@ -45,13 +43,7 @@ fn end_of(case: &str, set: Option<&str>) -> Vec<u8> {
     arguments.extend(set.into_iter().flat_map(|set| ["--instructions", set]));
     let run = command(folder.path(), &arguments).status();
     assert!(run.expect("it starts").success(), "{case}");
-    last_state(&folder.path().join("case.mcap"))
-}
-
-fn last_state(log: &Path) -> Vec<u8> {
-    let log = Log::open(log).expect("the log opens");
-    let last = log.last_checkpoint().expect("it has a checkpoint");
-    log.checkpoint(last).expect("it reads")
+    last_checkpoint(&folder.path().join("case.mcap"))
 }
 
 #[test]

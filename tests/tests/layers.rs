@@ -3,6 +3,8 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use perimelt_tests::{files_with, root};
+
 /// Modules of `perimelt-core`, the lowest first.
 const CORE: &str = "axis input folder text explanation flattened cell_list neighbours formula shape material samples in_time programme body \
                     solver family pddo error stepping in_space field world setup pair_list schedule plugin log simulation";
@@ -24,19 +26,6 @@ fn code(path: &Path) -> String {
         .map(|line| line.split("//").next().unwrap_or_default());
     let code = lines.take_while(|line| *line != "mod tests {");
     code.collect::<Vec<_>>().join(" ")
-}
-
-/// Source files in a folder and its folders.
-fn files(folder: &Path) -> Vec<std::path::PathBuf> {
-    let entries = std::fs::read_dir(folder).expect("a folder");
-    let paths = entries.map(|entry| entry.expect("an entry").path());
-    let files = paths.flat_map(|path| match path.is_dir() {
-        true => files(&path),
-        false => vec![path],
-    });
-    files
-        .filter(|path| path.extension().is_some_and(|e| e == "rs"))
-        .collect()
 }
 
 /// Names of modules of the crate that code uses: `a` and `b` of `crate::a::f` and `crate::{a::f, b}`.
@@ -71,13 +60,10 @@ fn used(code: &str) -> BTreeSet<String> {
 #[test]
 fn modules_use_those_below_them_only() {
     for (folder, order) in [("core", CORE), ("cases", CASES)] {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("..")
-            .join(folder)
-            .join("src");
+        let root = root().join(folder).join("src");
         let order: Vec<&str> = order.split_whitespace().collect();
         let rank = |name: &str| order.iter().position(|module| *module == name);
-        for path in files(&root) {
+        for path in files_with("rs", &root) {
             let inside = path.strip_prefix(&root).expect("inside");
             let first = inside.iter().next().expect("a name");
             let module = Path::new(first).file_stem().unwrap_or_default();

@@ -8,6 +8,7 @@ use perimelt::case::Case;
 use perimelt::run::{self, End, Options};
 use perimelt_core::log::Log;
 use perimelt_core::{RunError, Simulation};
+use perimelt_tests::last_checkpoint;
 use toml::{Table, Value};
 
 /// Bodies of more points than this, at the coarsest spacing that a case can have, are left out; a point of
@@ -109,12 +110,6 @@ fn options(out: &Path, until: Option<f64>) -> Options {
         quiet: true,
         ..Options::default()
     }
-}
-
-fn last_checkpoint(log: &Path) -> Vec<u8> {
-    let log = Log::open(log).expect("the log opens");
-    let last = log.last_checkpoint().expect("it has a checkpoint");
-    log.checkpoint(last).expect("it reads")
 }
 
 fn on_threads(count: usize, case: &Case, out: &Path) -> Vec<u8> {

@@ -1,13 +1,11 @@
 //! The mutations of `tests/mutation/chosen.toml` fit the code: what each replaces occurs once.
 
-use std::path::Path;
-
+use perimelt_tests::root;
 use toml::Table;
 
 #[test]
 fn what_a_mutation_replaces_occurs_once() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let read = |path: &str| std::fs::read_to_string(root.join(path)).unwrap_or_default();
+    let read = |path: &str| std::fs::read_to_string(root().join(path)).unwrap_or_default();
     let chosen: Table = read("tests/mutation/chosen.toml").parse().expect("TOML");
     let mutations = chosen["mutation"].as_array().expect("an array");
     assert!(mutations.len() > 30, "{}", mutations.len());
