@@ -1,10 +1,10 @@
-"""Residual stress of metal that is deposited, or heated at a spot, by finite elements.
+"""Residual stress of metal that is deposited or heated, by finite elements.
 
-    python3 plastic_deposits.py [ramp|layers|columns|hot_layers|hot_spot|wall] [element size in mm]
+    python3 plastic_deposits.py [ramp|layers|columns|hot_layers|hot_spot|wall|weld] [element size in mm]
 
-E = 200 GPa, nu = 0.3, yield stress 350 MPa, hardening modulus 1 GPa. Plane strain but for `wall`. Half of a base of
-40 x 8 mm below a strip of 12 x 8 mm; the planes x = 0 and y = 0 are planes of symmetry. The strip shrinks by 1.5 %
-along all three axes:
+E = 200 GPa, nu = 0.3, yield stress 350 MPa, hardening modulus 1 GPa. Plane strain but for `wall` and `weld`. Half of a
+base of 40 x 8 mm below a strip of 12 x 8 mm; the planes x = 0 and y = 0 are planes of symmetry. The strip shrinks by
+1.5 % along all three axes:
 
 - `ramp`: as a whole, in 15 steps;
 - `layers`, `columns`: in layers of 1 mm, or in blocks of 2 x 1 mm whose order along x alternates from layer to layer.
@@ -12,18 +12,23 @@ along all three axes:
 - `hot_layers`: layers of 1 mm are born every 6 s at the temperature of `layer_temperature`, without stress until they
   cool below 1300 K, and contract by the thermal expansion 1.4e-5/K, which ends at 1300 K, as does plastic strain;
 - `hot_spot`: a free strip of 24 x 10 mm, of which one half is computed, under the temperature of `spot_temperature`, of
-  the same metal.
+  the same metal;
 - `wall`: half of a plate of 16 x 12 x 4 mm, held below up to x = 2 mm, with a wall of 12 x 4 x 6 mm in layers of 1 mm
-  that shrink by 1.5 % in 2 steps each. Elements are twice as long along x.
+  that shrink by 1.5 % in 2 steps each. Elements are twice as long along x;
+- `weld`: a quarter of a sheet of 60 x 80 mm in plane stress under the temperature of `weld_temperature`, of the metal
+  of `hot_layers`.
 
-Squares or bricks with the mean dilatation of each element ([Hughes1980]), radial return with its consistent tangent,
-Newton's method. Prints the hydrostatic stress and the stress along x (`wall`: along z) in MPa by rows of 1 mm from
-below, as means over boxes of 1 mm: of the second column from the plane of symmetry, of the first for `hot_spot`, of the
-one in the middle for `wall`. Elements of 0.5 mm take seconds, for `wall` some minutes. Needs NumPy and SciPy."""
+Squares or bricks with the mean dilatation of each element ([Hughes1980]; not in plane stress), radial return with its
+consistent tangent, Newton's method. Prints the hydrostatic stress and one component in MPa as means over boxes of 1 mm:
+from below in the second column from the plane of symmetry, in the first for `hot_spot`, in the one in the middle for
+`wall`; across the middle of the `weld`. Elements of 0.5 mm take seconds, for `wall` and `weld` some minutes. Needs
+NumPy and SciPy.
+"""
 
 import sys
 from collections.abc import Callable
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +67,7 @@ class Body:
         self.weight = sides.prod() / len(corners)
         self.fixed = np.zeros(places.shape, bool)
         at = corners / np.sqrt(3.0)
-        self.strain_of = strains(corners, at, sides)
+        self.strain_of = with_mean_dilatation(strains(corners, at, sides))
         self.points = (self.center[:, None] + at * sides / 2).reshape(-1, dimension)
         self.freedoms = (dimension * self.nodes[:, :, None] + np.arange(dimension)).reshape(len(elements), -1)
         gauss = (len(elements), len(corners))
@@ -80,7 +85,10 @@ class Body:
 
     def respond(self, displacement: Array, prescribed: Array) -> tuple[Array, Array, Array]:
         """Stress, increment of the equivalent plastic strain and tangent at the Gauss points."""
-        elastic = self.strain(displacement) - mean_dilatation(prescribed) - self.birth_strain - self.plastic
+        return self.law(self.strain(displacement) - mean_dilatation(prescribed) - self.birth_strain - self.plastic)
+
+    def law(self, elastic: Array) -> tuple[Array, Array, Array]:
+        """Stress, increment of the equivalent plastic strain and tangent at strains that are elastic without it."""
         trial = 2 * SHEAR * elastic @ DEVIATOR
         size = np.maximum(np.sqrt((trial**2) @ COUNT), 1e-300)
         excess = np.sqrt(1.5) * size - self.yield_stress - HARDENING * self.equivalent
@@ -119,7 +127,7 @@ class Body:
         """Balances the forces under a prescribed strain, and takes up the plastic strain."""
         free = np.flatnonzero(~self.held())
         u = self.displacement.copy()
-        for iteration in range(40):
+        for iteration in range(200):
             stress, flow, tangent = self.respond(u, prescribed)
             residual = -self.force(stress)[free]
             size = np.linalg.norm(residual)
@@ -176,9 +184,30 @@ class Body:
         self.equivalent[fresh | hot] = 0
 
 
+class Sheet(Body):
+    """Squares in plane stress; their dilatation is free."""
+
+    def __init__(self, solid: Mask, h: float) -> None:
+        super().__init__(solid, h)
+        corners = np.array(list(product((-1, 1), repeat=2)))
+        self.strain_of = strains(corners, corners / np.sqrt(3.0), np.full(2, h))
+        self.thickening = np.zeros(self.equivalent.shape)
+
+    def respond(self, displacement: Array, prescribed: Array) -> tuple[Array, Array, Array]:
+        """Stress, increment of the equivalent plastic strain and tangent without stress across the sheet."""
+        elastic = self.strain(displacement) - prescribed - self.birth_strain - self.plastic
+        for _ in range(50):
+            elastic[..., 2] = self.thickening - prescribed[..., 2] - self.birth_strain[..., 2] - self.plastic[..., 2]
+            stress, flow, tangent = self.law(elastic)
+            if np.abs(stress[..., 2]).max() < 1.0:
+                break
+            self.thickening = self.thickening - stress[..., 2] / tangent[..., 2, 2]
+        across = tangent[..., :, 2, None] * tangent[..., None, 2, :] / tangent[..., 2, 2, None, None]
+        return stress, flow, tangent - across
+
+
 def strains(corners: Array, at: Array, sides: Array) -> Array:
-    """Strains at places in an element by the displacements of its nodes, with the mean of the dilatation: places x
-    components x (node, axis)."""
+    """Strains at places in an element by the displacements of its nodes: places x components x (node, axis)."""
     dimension = len(sides)
     functions = (1 + at[:, None] * corners) / 2
     result = np.zeros((len(at), 6, len(corners), dimension))
@@ -191,8 +220,12 @@ def strains(corners: Array, at: Array, sides: Array) -> Array:
         if max(a, b) < dimension:
             result[:, component, :, a] = slope[:, :, b] / 2
             result[:, component, :, b] = slope[:, :, a] / 2
-    local = result.reshape(len(at), 6, -1)
-    dilatation = np.einsum("a,gak->k", NORMAL, local) / len(at)
+    return result.reshape(len(at), 6, -1)
+
+
+def with_mean_dilatation(local: Array) -> Array:
+    """Strains at the Gauss points of an element with the mean of their dilatation."""
+    dilatation = np.einsum("a,gak->k", NORMAL, local) / len(local)
     return DEVIATOR @ local + NORMAL[:, None] * dilatation / 3
 
 
@@ -287,6 +320,14 @@ def spot_temperature(x: Array, time: float) -> Array:
     return COLD + 1700 * min(time, 1) / (1 + 3 * since) * np.exp(-square / (1 + 3 * since) - since / 2)
 
 
+def weld_temperature(x: Array, time: float) -> Array:
+    """Temperature around a weld of 60 mm on the plane of symmetry that is heated for 1 s."""
+    since = max(time - 1, 0.0)
+    beyond = np.maximum(x[:, 1] - 30 * MM, 0)
+    square = (x[:, 0] ** 2 + beyond**2) / (4 * MM) ** 2
+    return COLD + 1700 * min(time, 1) / np.sqrt(1 + 3 * since) * np.exp(-square / (1 + 3 * since) - since / 20)
+
+
 class Heated:
     """A body under a temperature in time."""
 
@@ -348,38 +389,59 @@ def hot_spot(h: float) -> Body:
     return body
 
 
-def rows(body: Body, column: tuple[int, ...], axis: int) -> tuple[Array, Array]:
-    """Hydrostatic stress and stress along an axis in boxes of 1 mm of a column, MPa, from below."""
+def weld(h: float) -> Body:
+    """The sheet is welded along its middle, and cools."""
+    sheet = Sheet(np.ones((round(30e-3 / h), round(40e-3 / h)), bool), h)
+    sheet.fixed[:] = sheet.position == 0
+    heated = Heated(sheet, weld_temperature)
+    for time in (*np.linspace(0.1, 1, 10), *(1 + 200 * np.linspace(0.025, 1, 40) ** 2)):
+        heated.step(time)
+    return sheet
+
+
+class Job(NamedTuple):
+    """A computation, and what is printed: the stress along `stress`, by boxes along `line` at a place of the others."""
+
+    compute: Callable[[float], Body]
+    place: tuple[int, ...]
+    line: int
+    stress: int
+
+
+def rows(body: Body, job: Job) -> tuple[Array, Array]:
+    """Hydrostatic stress and stress along an axis in boxes of 1 mm, MPa."""
     box = np.floor(body.center / MM + 1e-9).astype(int)
     mean = body.stress.mean(1) / 1e6
-    inside = (box[:, :-1] == column).all(1)
-    boxes = [inside & (box[:, -1] == height) for height in range(box[inside, -1].max() + 1)]
-    pressure, along = (np.array([value[i].mean() for i in boxes]) for value in (mean @ NORMAL / 3, mean[:, axis]))
-    return pressure, along
+    inside = (np.delete(box, job.line, axis=1) == job.place).all(1)
+    along = box[:, job.line]
+    boxes = [inside & (along == number) for number in range(along[inside].max() + 1)]
+    pressure, stress = (
+        np.array([value[i].mean() for i in boxes]) for value in (mean @ NORMAL / 3, mean[:, job.stress])
+    )
+    return pressure, stress
 
 
-# the computation, the column of boxes and the axis of the stress that are printed
-JOBS: dict[str, tuple[Callable[[float], Body], tuple[int, ...], int]] = {
-    "ramp": (ramp, (1,), 0),
-    "layers": (lambda h: cold(h, by_columns=False), (1,), 0),
-    "columns": (lambda h: cold(h, by_columns=True), (1,), 0),
-    "hot_layers": (hot_layers, (1,), 0),
-    "hot_spot": (hot_spot, (0,), 0),
-    "wall": (wall, (8, 0), 2),
+JOBS = {
+    "ramp": Job(ramp, (1,), 1, 0),
+    "layers": Job(lambda h: cold(h, by_columns=False), (1,), 1, 0),
+    "columns": Job(lambda h: cold(h, by_columns=True), (1,), 1, 0),
+    "hot_layers": Job(hot_layers, (1,), 1, 0),
+    "hot_spot": Job(hot_spot, (0,), 1, 0),
+    "wall": Job(wall, (8, 0), 2, 2),
+    "weld": Job(weld, (0,), 0, 1),
 }
 
 
-def main(job: str = "ramp", size: str = "0.5") -> None:
+def main(name: str = "ramp", size: str = "0.5") -> None:
     """Prints the rows of a job."""
-    compute, column, axis = JOBS[job]
-    body = compute(float(size) * MM)
-    pressure, along = rows(body, column, axis)
+    job = JOBS[name]
+    body = job.compute(float(size) * MM)
+    pressure, stress = rows(body, job)
     of_elements = body.stress.mean(1) @ NORMAL / 3e6
-    print(
-        f"{job}, elements of {size} mm: hydrostatic stress from {of_elements.min():.0f} to {of_elements.max():.0f} MPa"
-    )
-    print("hydrostatic stress, MPa:", *(f"{value:.0f}" for value in pressure))
-    print(f"stress along {'xyz'[axis]}, MPa:    ", *(f"{value:.0f}" for value in along))
+    print(f"{name}, elements of {size} mm: hydrostatic stress {of_elements.min():.0f} to {of_elements.max():.0f} MPa")
+    print(f"along {'xyz'[job.line]}, hydrostatic stress in MPa:", *(f"{value:.0f}" for value in pressure))
+    print(f"along {'xyz'[job.line]}, stress {'xyz'[job.stress] * 2} in MPa:  ", *(f"{value:.0f}" for value in stress))
+    print(f"largest equivalent plastic strain: {body.equivalent.max():.5f}")
 
 
 if __name__ == "__main__":
