@@ -57,6 +57,17 @@ pub enum Problem {
         /// The property.
         property: String,
     },
+    /// A material lacks a constant of a law.
+    MissingConstant {
+        /// The law, such as `flow.j2`.
+        law: String,
+        /// The material.
+        material: String,
+        /// The body.
+        body: String,
+        /// The property.
+        property: String,
+    },
     /// A field that is read but never written.
     NobodyProvides {
         /// The field.
@@ -156,6 +167,15 @@ impl Problem {
                 property,
             } => Explanation::new(format!(
                 "material `{material}` of body `{body}` has no `{property}`"
+            ))
+            .help(format!("give it under `[materials.{material}]`")),
+            Problem::MissingConstant {
+                law,
+                material,
+                body,
+                property,
+            } => Explanation::new(format!(
+                "material `{material}` of body `{body}` has no `{property}`, which `{law}` needs"
             ))
             .help(format!("give it under `[materials.{material}]`")),
             Problem::NobodyProvides {

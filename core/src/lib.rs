@@ -27,6 +27,7 @@ pub mod formula;
 pub mod in_space;
 pub mod in_time;
 pub mod input;
+pub mod law;
 pub mod log;
 pub mod material;
 mod neighbours;
@@ -73,4 +74,4 @@ pub use world::{Wall, World};
 
 // for the registration macros
 #[doc(hidden)]
-pub use {inventory, schemars, serde};
+pub use {erased_serde, inventory, schemars, serde};

@@ -23,3 +23,7 @@ mod shape_tensor;
 mod testing;
 pub mod thermal;
 pub mod thermal_history;
+
+// for the registration macros
+#[doc(hidden)]
+pub use perimelt_core;

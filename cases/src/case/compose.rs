@@ -191,6 +191,9 @@ fn missing_property(problem: &Problem) -> Option<(&str, &str)> {
     match problem {
         Problem::MissingProperty {
             material, property, ..
+        }
+        | Problem::MissingConstant {
+            material, property, ..
         } => Some((material, property)),
         Problem::Other(cause) => match cause.downcast_ref() {
             Some(MaterialError::Missing { material, property }) => Some((material, property)),

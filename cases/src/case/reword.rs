@@ -27,15 +27,37 @@ pub struct SectionContext<'a> {
 impl SectionContext<'_> {
     /// The keys that lead to the place of `error`; none for the section as a whole.
     pub fn path(&self, error: &toml::de::Error) -> Vec<String> {
-        let at_key = error.span().filter(|span| *span != self.header);
-        at_key.map_or_else(Vec::new, |span| locate::path_to(self.table, &span))
+        self.place(error).0
+    }
+
+    /// The keys that lead to the place of `error`, and the place. An error in a law reports the place of the law, and the keys
+    /// below it in its text.
+    fn place(&self, error: &toml::de::Error) -> (Vec<String>, Range<usize>) {
+        let span = error.span().unwrap_or_else(|| self.header.clone());
+        let mut path = match span == self.header {
+            true => Vec::new(),
+            false => locate::path_to(self.table, &span),
+        };
+        let (message, mut below) = split_keys(error.message());
+        let unknown = quoted(message, UNKNOWN_KEY);
+        below.extend(unknown.filter(|key| path.last().is_some_and(|last| last != key)));
+        if below.is_empty() {
+            return (path, span);
+        }
+        path.extend(below.into_iter().map(String::from));
+        let names: Vec<&str> = path.iter().map(String::as_str).collect();
+        let place = locate::find(self.table, &names);
+        let place = place.map(|place| match unknown {
+            Some(_) => place.key,
+            None => place.value,
+        });
+        (path, place.unwrap_or(span))
     }
 
     /// The mistake that `error` reports in this section.
     pub fn reword(&self, error: &toml::de::Error) -> Box<Mistake> {
-        let span = error.span().unwrap_or_else(|| self.header.clone());
-        let path = self.path(error);
-        let message = error.message();
+        let (path, span) = self.place(error);
+        let (message, _) = split_keys(error.message());
         let at = |message: String| Mistake::new(self.file, message, span.clone());
         let reworded = match Foreign::new(message) {
             Some(Foreign::Unknown { what, name, known }) => {
@@ -128,6 +150,23 @@ impl SectionContext<'_> {
     }
 }
 
+/// How serde begins the message of an unknown key.
+const UNKNOWN_KEY: &str = "unknown field `";
+
+/// A message without the lines at its end that name the keys that lead to its place, from the inner ones to the outer ones, and
+/// the keys from the outer ones on.
+fn split_keys(message: &str) -> (&str, Vec<&str>) {
+    let mut rest = message.trim_end();
+    let mut keys = Vec::new();
+    while let Some((before, line)) = rest.rsplit_once('\n')
+        && let Some(names) = quoted(line, "in `")
+    {
+        keys.extend(names.split('.'));
+        rest = before.trim_end();
+    }
+    (rest, keys)
+}
+
 /// A message of serde or of the TOML reader.
 #[derive(Debug, PartialEq)]
 enum Foreign<'m> {
@@ -160,7 +199,7 @@ impl<'m> Foreign<'m> {
                 known: known.split(", ").collect(),
             });
         }
-        for (what, before) in [("key", "unknown field `"), ("choice", "unknown variant `")] {
+        for (what, before) in [("key", UNKNOWN_KEY), ("choice", "unknown variant `")] {
             if let Some(name) = quoted(message, before) {
                 let known = message
                     .split_once("expected")
@@ -296,6 +335,18 @@ mod tests {
             Some(Foreign::SeveralChoices),
             "{several}"
         );
+    }
+
+    /// An error that passed through `erased_serde` twice, as that of a table in a law.
+    #[test]
+    fn keys_at_the_end_of_a_message_are_split_off() {
+        let message = "invalid type: boolean\nin `factor`\n\nin `hardening`\n";
+        let split = split_keys(message);
+        assert_eq!(
+            split,
+            ("invalid type: boolean", vec!["hardening", "factor"])
+        );
+        assert_eq!(split_keys("the width in `m`"), ("the width in `m`", vec![]));
     }
 
     #[test]

@@ -37,13 +37,14 @@ pub(super) fn value_at<'t, 'i>(table: &'t TomlValue<'i>, key: &str) -> Option<&'
 }
 
 /// Keys of plugins that are temperatures, by type or for all.
-const TEMPERATURES: [(Option<&str>, &str); 6] = [
+const TEMPERATURES: [(Option<&str>, &str); 7] = [
     (None, "ambient"),
     (None, "reference_temperature"),
     (None, "cutoff_temperature"),
     (Some("prescribed_temperature"), "value"),
     (Some("deposit"), "temperature"),
     (Some("mechanical"), "plasticity.annealing_temperature"),
+    (Some("mechanical"), "annealing_temperature"),
 ];
 
 impl Case {

@@ -4,9 +4,11 @@ use std::io::Write;
 
 use perimelt_core::error::nearest;
 use perimelt_core::field;
+use perimelt_core::law::{Law, LawKind};
 use perimelt_core::material::{MaterialSection, ValueRange, known_properties};
 use perimelt_core::plugin::{Registration, registered};
 use perimelt_core::{Coupler, Physics};
+use perimelt_physics::mechanical::plasticity::FlowSweep;
 use schemars::schema_for;
 use serde_json::Value;
 
@@ -262,10 +264,28 @@ fn explain_key(out: &mut impl Write, path: &str, listed: &KeyList<'_>, key: &Val
         writeln!(out, "    {text}")?;
     }
     writeln!(out)?;
-    match choice {
-        Some(_) => Ok(()),
-        None => listed.write(out, key, path, ""),
+    if choice.is_none() {
+        listed.write(out, key, path, "")?;
     }
+    for fact in law_facts(root, path, key) {
+        writeln!(out, "  {fact}")?;
+    }
+    Ok(())
+}
+
+/// What a law says besides its keys, if the key is one.
+fn law_facts<'a>(root: &'a Value, path: &str, key: &Value) -> Vec<&'a str> {
+    let name = path.rsplit('.').next().unwrap_or(path);
+    let definitions = root["$defs"].as_object().into_iter().flatten();
+    let schemas = definitions.map(|(_, schema)| schema).chain([root]);
+    let mut choices = schemas.flat_map(|s| s["oneOf"].as_array().into_iter().flatten());
+    let law = choices.find(|choice| &choice["properties"][name] == key);
+    let facts = law.and_then(|law| law["x-law"].as_array());
+    facts
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect()
 }
 
 /// A field, a material property or a material of the library.
@@ -305,6 +325,11 @@ fn known() -> Vec<(String, String, Value)> {
             .iter()
             .map(|r| section(r.name, "[[couplers]]", (r.schema)())),
     );
+    all.push(section(
+        <dyn FlowSweep>::KEY,
+        "flow.<name> = { ... } in `mechanical`",
+        schema_for!(Law<dyn FlowSweep>),
+    ));
     all.push(section("case", "[case]", schema_for!(CaseSection)));
     all.push(section(
         "bodies",

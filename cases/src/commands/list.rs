@@ -3,9 +3,12 @@
 use std::io::Write;
 
 use perimelt_core::field::keys;
+use perimelt_core::law::LawKind;
 use perimelt_core::material::known_properties;
 use perimelt_core::plugin::{Registration, registered};
 use perimelt_core::{Change, Coupler, Physics};
+use perimelt_physics::mechanical::plasticity::FlowSweep;
+use schemars::SchemaGenerator;
 
 use super::Done;
 use crate::{case::schema, library};
@@ -29,6 +32,8 @@ pub fn run(args: &ListArgs) -> Done {
     plugins::<dyn Physics>(out)?;
     writeln!(out, "\nCouplers ([[couplers]], type = ...)")?;
     plugins::<dyn Coupler>(out)?;
+    writeln!(out, "\n{}", law_heading::<dyn FlowSweep>("mechanical"))?;
+    laws::<dyn FlowSweep>(out)?;
     writeln!(out, "\nFields (the common ones; plugins may add their own)")?;
     for (name, unit, meaning) in keys::ALL {
         row(out, name, &format!("[{unit}] {meaning}"))?;
@@ -51,6 +56,25 @@ pub fn run(args: &ListArgs) -> Done {
                 .and_then(|m| m.description())
                 .unwrap_or(""),
         )?;
+    }
+    Ok(())
+}
+
+/// The heading of a kind of laws of a plugin.
+fn law_heading<P: LawKind + ?Sized>(plugin: &str) -> String {
+    let key = P::KEY;
+    format!(
+        "Laws ({key}.<name> = {{ ... }} in `{plugin}`; more by `perimelt explain {key}.<name>`)"
+    )
+}
+
+/// A line for each law of one kind.
+fn laws<P: LawKind + ?Sized>(out: &mut impl Write) -> Done {
+    for law in P::registered() {
+        let mut generator = SchemaGenerator::default();
+        let schema = (law.schema)(&mut generator).to_value();
+        let root = serde_json::json!({ "$defs": generator.take_definitions(true) });
+        row(out, law.name, &schema::one_line(&root, &schema))?;
     }
     Ok(())
 }

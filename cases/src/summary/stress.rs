@@ -83,7 +83,11 @@ fn temperature_at(last: &LoggedCloud, point: usize) -> Option<f64> {
 /// Whether the physics `mechanical` of a body has plastic flow.
 fn is_plastic(log: &Log, body: &BodyInfo) -> bool {
     let mut mechanical = plugins_of(log, "physics", "mechanical", &body.name);
-    mechanical.any(|physics| !physics["plasticity"].is_null())
+    mechanical.any(|physics| {
+        ["plasticity", "flow"]
+            .iter()
+            .any(|key| !physics[key].is_null())
+    })
 }
 
 /// Yield stress of the materials of a body.

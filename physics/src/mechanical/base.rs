@@ -127,6 +127,15 @@ impl SolidBase {
         self.plasticity.as_mut()
     }
 
+    /// Whether the stiffness is symmetric under plastic flow.
+    pub(super) fn has_symmetric_plastic_tangent(&self) -> bool {
+        let law = self
+            .plasticity
+            .as_ref()
+            .is_none_or(Plasticity::is_symmetric);
+        law && self.properties.has_symmetric_plastic_tangent
+    }
+
     /// Moduli of a point at its present temperature.
     pub fn moduli_of(&self, point: usize) -> Moduli {
         self.elastic.moduli(point)

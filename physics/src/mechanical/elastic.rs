@@ -154,7 +154,7 @@ impl ElasticPoints {
 
 /// The points of a body with their displacement gradients.
 #[derive(Clone, Copy)]
-pub(super) struct StrainedPoints<'a> {
+pub struct StrainedPoints<'a> {
     elastic: &'a ElasticPoints,
     gradient: &'a Gradient,
 }

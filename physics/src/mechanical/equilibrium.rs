@@ -81,14 +81,10 @@ impl Statics {
         }
         self.coarse.update(body, residual);
         // Traction layers follow the points, but points do not follow the layers: this makes the tangent
-        // nonsymmetric. So does plastic flow that follows another strain than that of the bonds.
+        // nonsymmetric. So does plastic flow that follows another strain than that of the bonds, or whose law is nonsymmetric.
         let nonsymmetric = residual.rules.iter().any(|r| r.traction.is_some())
             || residual.tangent == Tangent::Plastic
-                && !residual
-                    .solid
-                    .base()
-                    .properties
-                    .has_symmetric_plastic_tangent;
+                && !residual.solid.base().has_symmetric_plastic_tangent();
         self.newton.options.krylov = match nonsymmetric {
             true => KrylovMethod::Gmres,
             false => KrylovMethod::ConjugateGradient,

@@ -1,8 +1,11 @@
 //! Fields that the mechanical physics reads and writes.
 
 use nalgebra::{Matrix3, Vector3};
+use perimelt_core::law::StateVariable;
 use perimelt_core::world::{BodyIndex, BondBreaker};
-use perimelt_core::{Access, Read, ReadIfProvided, Setup, SetupError, Write, keys};
+use perimelt_core::{Access, Key, Read, ReadIfProvided, Setup, SetupError, Write, keys};
+
+use super::plasticity::Plasticity;
 
 /// Handles of the fields of a body.
 #[derive(Debug)]
@@ -51,17 +54,64 @@ pub(super) struct PlasticFields {
     pub(super) strain: Write<Matrix3<f64>>,
     pub(super) equivalent: Write<f64>,
     pub(super) work: Write<f64>,
+    /// State variables of the law.
+    pub(super) variables: Vec<VariableField>,
     /// Pa, in place of the materials'.
     pub(super) yield_stress: ReadIfProvided<f64>,
     /// 1/Pa.
     pub(super) transformation_compliance: ReadIfProvided<f64>,
 }
 
+/// The field of a state variable, with its place in the row of a point.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum VariableField {
+    Scalar(Write<f64>, usize),
+    Tensor(Write<Matrix3<f64>>, usize),
+}
+
+/// The state variables of a law.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LawState {
+    law: &'static str,
+    variables: &'static [StateVariable],
+}
+
+impl LawState {
+    /// Those of the law of flow.
+    pub(super) fn of_flow(plasticity: &Plasticity) -> Self {
+        LawState {
+            law: plasticity.law_name(),
+            variables: plasticity.state_variables(),
+        }
+    }
+
+    /// Declares the fields `<law>.<name>`.
+    fn declare(
+        &self,
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+    ) -> Result<Vec<VariableField>, SetupError> {
+        let mut at = 0;
+        let mut field = |variable: &StateVariable| {
+            let name = format!("{}.{}", self.law, variable.name);
+            let place = at;
+            at += variable.width();
+            let unit = variable.unit.to_string();
+            Ok(match variable.is_tensor {
+                true => VariableField::Tensor(setup.own(body, &Key::named(name, unit))?, place),
+                false => VariableField::Scalar(setup.own(body, &Key::named(name, unit))?, place),
+            })
+        };
+        self.variables.iter().map(&mut field).collect()
+    }
+}
+
 /// Which optional fields a body has.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Features {
     pub(super) is_explicit: bool,
-    pub(super) is_plastic: bool,
+    /// The law of flow, if it flows.
+    pub(super) flow: Option<LawState>,
     pub(super) breaks: bool,
 }
 
@@ -74,7 +124,7 @@ impl Fields {
     ) -> Result<Self, SetupError> {
         let Features {
             is_explicit,
-            is_plastic,
+            flow,
             breaks,
         } = features;
         let hold = match setup.consume_if_added(body, &keys::CONSTRAINT)? {
@@ -91,16 +141,17 @@ impl Fields {
                 false => None,
             },
             stress: setup.own(body, &keys::STRESS)?,
-            plastic: match is_plastic {
-                true => Some(PlasticFields {
+            plastic: match flow {
+                Some(law) => Some(PlasticFields {
                     strain: setup.own(body, &keys::PLASTIC_STRAIN)?,
                     equivalent: setup.own(body, &keys::EQUIVALENT_PLASTIC_STRAIN)?,
                     work: setup.own(body, &keys::PLASTIC_WORK)?,
+                    variables: law.declare(setup, body)?,
                     yield_stress: setup.read_if_provided(body, &keys::YIELD_STRESS)?,
                     transformation_compliance: setup
                         .read_if_provided(body, &keys::TRANSFORMATION_COMPLIANCE)?,
                 }),
-                false => None,
+                None => None,
             },
             damage: match breaks {
                 true => Some(Damage {

@@ -1,5 +1,6 @@
 //! Keys of a `mechanical` table in a case file.
 
+use perimelt_core::law::Law;
 use perimelt_core::solver::RelaxationOptions;
 use perimelt_core::{Correction, Horizon, Influence, PartialVolume, SetupError, StepSize, Update};
 use schemars::JsonSchema;
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::fracture::FractureSection;
 use super::moduli::Plane;
-use super::plasticity::PlasticitySection;
+use super::plasticity::{FlowSweep, PlasticitySection};
 use super::section::Section;
 use super::surface_stress::SurfaceStress;
 
@@ -45,9 +46,17 @@ pub struct Mechanical {
     /// Small displacements, or finite ones by current lengths and directions of bonds.
     #[serde(default)]
     pub kinematics: Kinematics,
-    /// Plastic flow, such as `{ annealing_temperature = 1300 }`; elastic if left out.
+    /// Plastic flow, such as `{ annealing_temperature = 1300 }`: the short form of `flow.j2` and `annealing_temperature`;
+    /// elastic if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plasticity: Option<PlasticitySection>,
+    /// Law of plastic flow, such as `flow.johnson_cook = {}`; elastic if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flow: Option<Law<dyn FlowSweep>>,
+    /// Temperature (K) at and above which a point of a body with a `flow` loses its stress and its hardening; default never.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub annealing_temperature: Option<f64>,
     /// When bonds break, such as `{ no_fail = ["grip"] }`; never if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fracture: Option<FractureSection>,

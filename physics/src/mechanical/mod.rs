@@ -121,8 +121,8 @@ impl Physics for Mechanical {
 }
 
 impl Mechanical {
-    fn ready(self, setup: &mut Setup<'_>) -> Result<RunningMechanical, SetupError> {
-        let run = prepare::run(&self, setup)?;
+    fn ready(mut self, setup: &mut Setup<'_>) -> Result<RunningMechanical, SetupError> {
+        let run = prepare::run(&mut self, setup)?;
         Ok(RunningMechanical {
             is_explicit: matches!(self.solver, MechanicalSolver::Explicit { .. }),
             breaks_once: self.fracture.as_ref().is_some_and(|f| f.once),

@@ -9,22 +9,31 @@ use perimelt_core::{Body, Correction, Face, Family, FamilySpec, Horizon, Setup, 
 use super::correspondence::Correspondence;
 use super::energy::Energy;
 use super::equilibrium::Statics;
-use super::fields::{Features, Fields};
+use super::fields::{Features, Fields, LawState};
 use super::fracture::{Criterion, Fracture};
 use super::growth;
 use super::keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
 use super::moduli::Elasticity;
 use super::momentum::Balanced;
 use super::ordinary::Ordinary;
-use super::plasticity::Plasticity;
+use super::plasticity::{ChosenFlow, Plasticity};
 use super::solid::{Constitution, Solid};
 use super::step::{MechanicalRun, MechanicalState};
 use super::surface_stress::{Extrapolation, SurfaceStress};
 use super::validity::{Validity, shear_warning};
 
 /// Prepares the run of the body that `keys` name.
-pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<MechanicalRun, SetupError> {
+pub(super) fn run(
+    keys: &mut Mechanical,
+    setup: &mut Setup<'_>,
+) -> Result<MechanicalRun, SetupError> {
     keys.check()?;
+    let flow = ChosenFlow::of(
+        keys.plasticity.take(),
+        keys.flow.take(),
+        keys.annealing_temperature,
+    )?;
+    let keys = &*keys;
     let body = setup.find_body(keys.body.as_deref())?;
     growth::check(keys, setup, body)?;
     let layers = setup.layers(body, &keys::DISPLACEMENT);
@@ -57,18 +66,19 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Mechanical
         }
         SurfaceStress::Extrapolated => Some(Extrapolation::new(setup.body(body), &family)?),
     };
-    let constitution = constitution(keys, setup, body, &family)?;
+    let constitution = constitution(keys, flow, setup, body, &family)?;
     let damping = match keys.solver {
         MechanicalSolver::Explicit { damping } => Some(damping),
         _ => None,
     };
     let features = Features {
         is_explicit: damping.is_some(),
-        is_plastic: constitution.plasticity.is_some(),
+        flow: constitution.plasticity.as_ref().map(LawState::of_flow),
         breaks: constitution.fracture.is_some(),
     };
-    let is_linear = !(constitution.finite || features.is_plastic);
-    let validity = Validity::new(setup.body(body), !constitution.finite, features.is_plastic);
+    let is_plastic = features.flow.is_some();
+    let is_linear = !(constitution.finite || is_plastic);
+    let validity = Validity::new(setup.body(body), !constitution.finite, is_plastic);
     let solid = solid(keys, setup, body, family, constitution)?;
     let density = setup.world().density_at_points(body)?;
     let fields = Fields::declare(setup, body, features)?;
@@ -151,15 +161,16 @@ fn family(
 /// Elasticity, plasticity and strength of the body.
 fn constitution(
     keys: &Mechanical,
+    flow: Option<ChosenFlow>,
     setup: &mut Setup<'_>,
     body: BodyIndex,
     family: &Family,
 ) -> Result<Constitution, SetupError> {
     let bond_based = keys.formulation == Formulation::Bond;
-    if bond_based && keys.plasticity.is_some() {
+    if let (true, Some(flow)) = (bond_based, &flow) {
         let message = "a bond-based solid has no plastic flow at constant volume";
         let expected = "`formulation` \"ordinary\" or \"correspondence\"";
-        return Err(SetupError::value("plasticity", message, expected));
+        return Err(SetupError::value(flow.key(), message, expected));
     }
     let criterion = keys.fracture.as_ref().map(|section| section.criterion);
     let by_energy = criterion == Some(Criterion::Energy);
@@ -178,8 +189,8 @@ fn constitution(
         elasticity: Elasticity::of(setup, body, keys.plane, bond_based)?,
         finite: keys.kinematics == Kinematics::Finite,
         in_motion: matches!(keys.solver, MechanicalSolver::Explicit { .. }),
-        plasticity: match &keys.plasticity {
-            Some(section) => Some(Plasticity::of(section, setup, body, keys.plane)?),
+        plasticity: match flow {
+            Some(flow) => Some(Plasticity::of(flow, setup.body(body), keys.plane)?),
             None => None,
         },
         fracture: match &keys.fracture {

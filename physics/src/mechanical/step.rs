@@ -13,7 +13,7 @@ use super::classical;
 use super::energy::Energy;
 use super::energy_watch::{EnergyWatch, Scratch};
 use super::equilibrium::Statics;
-use super::fields::{Damage, Fields, Hold};
+use super::fields::{Damage, Fields, Hold, VariableField};
 use super::fracture::FractureState;
 use super::moduli::Moduli;
 use super::momentum::{Balanced, Momentum};
@@ -113,7 +113,7 @@ impl MechanicalRun {
             self.load_stress_free(world);
         }
         self.note_loads(world);
-        self.load_plasticity(world, temperature.as_deref());
+        self.load_plasticity(world, temperature.as_deref(), step.size);
         if let Some(hold) = self.fields.hold
             && self.stop_held_points(world, hold, step.size)
         {
@@ -167,8 +167,13 @@ impl MechanicalRun {
             .set_displacement(bytemuck::cast_slice(&displacement), &rules);
     }
 
-    /// Takes the plastic state from the fields, and the flow stress at the temperature of each point.
-    pub(super) fn load_plasticity(&mut self, world: &World, temperature: Option<&[f64]>) {
+    /// Takes the plastic state from the fields, and the constants of the law at the temperature of each point for a step (s).
+    pub(super) fn load_plasticity(
+        &mut self,
+        world: &World,
+        temperature: Option<&[f64]>,
+        step: f64,
+    ) {
         let (Some(fields), Some(plasticity)) =
             (&self.fields.plastic, self.solid.base_mut().plasticity())
         else {
@@ -176,16 +181,27 @@ impl MechanicalRun {
         };
         let given = world.read_if_provided(fields.yield_stress);
         let material = &world.body(self.body).material_of_point;
-        plasticity
-            .law
-            .set_temperature(material, temperature, given.as_deref());
+        plasticity.set_conditions(material, temperature, given.as_deref(), step);
         if let Some(compliance) = world.read_if_provided(fields.transformation_compliance) {
             let seen = &mut self.state.seen_compliance;
             seen.resize(compliance.len(), 0.0);
-            plasticity
-                .law
-                .set_transformation(compliance.iter().zip(&*seen).map(|(c, s)| c - s));
+            plasticity.set_transformation(compliance.iter().zip(&*seen).map(|(c, s)| c - s));
             seen.copy_from_slice(&compliance);
+        }
+        for field in &fields.variables {
+            let states = &mut plasticity.states;
+            match *field {
+                VariableField::Scalar(field, at) => {
+                    let values = world.read::<f64>(field.into());
+                    states.set_variable(at, values.iter().map(|value| [*value]));
+                }
+                VariableField::Tensor(field, at) => {
+                    let values = world.read::<Matrix3<f64>>(field.into());
+                    let components =
+                        |tensor: &Matrix3<f64>| classical::COMPONENTS.map(|at| tensor[at]);
+                    states.set_variable(at, values.iter().map(components));
+                }
+            }
         }
         let strains = world.read::<Matrix3<f64>>(fields.strain.into());
         let equivalents = world.read::<f64>(fields.equivalent.into());
@@ -225,6 +241,20 @@ impl MechanicalRun {
         for ((strain, equivalent), settled) in points.zip(plasticity.states.settled()) {
             *strain = classical::symmetric(&settled.strain);
             *equivalent = settled.equivalent;
+        }
+        for field in &fields.variables {
+            match *field {
+                VariableField::Scalar(field, at) => {
+                    let mut values = world.write(field);
+                    let states = values.iter_mut().zip(plasticity.states.variable(at));
+                    states.for_each(|(value, [state])| *value = state);
+                }
+                VariableField::Tensor(field, at) => {
+                    let mut values = world.write(field);
+                    let states = values.iter_mut().zip(plasticity.states.variable(at));
+                    states.for_each(|(value, state)| *value = classical::symmetric(&state));
+                }
+            }
         }
     }
 

@@ -360,6 +360,7 @@ benchmarks!(
     "quench-3.4-damage",
     "quench-3.4-growth",
     "plastic-heat-bar",
+    "flow-kinematic-hardening", "flow-johnson-cook", "flow-creep-relaxation", "flow-drucker-prager",
     "melt-pool-symmetry",
     "window-track",
     "window-track-uniform",

@@ -1,166 +1,172 @@
-//! The law of inelastic flow, and J2 plasticity.
+//! Laws of inelastic flow as plugins: [`FlowLaw`] and, for flow along the stress deviator, [`FlowStressLaw`].
 //!
-//! A further law is a type that implements [`FlowLaw`] and takes the place of [`J2`] in
-//! [`Plasticity`](super::Plasticity), which is compiled for its law.
+//! A law is the struct of its keys in the case file, `flow.<name> = { keys }`, and a value: it returns what it computed
+//! from the state at the start of the step. Constants are properties of materials, evaluated at the temperature of each
+//! point; state variables become fields. Elasticity, transformation plasticity, annealing, formulations and plane stress
+//! are not the law's business.
+
+use std::fmt::Debug;
 
 use nalgebra::Matrix6;
-use perimelt_core::material::{Property, Table};
-use rayon::prelude::*;
+use perimelt_core::SetupError;
+use perimelt_core::law::{Constant, LawKind, LawRegistration, StateVariable};
 
-use super::return_mapping::{
-    FlowStress, Flowed, StressState, flow_along_deviator, radial_tangent, return_to_yield,
-};
-use super::store::Inelastic;
-use crate::mechanical::moduli::Moduli;
+use super::sweep::FlowSweep;
 
 /// A point that may flow in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct FlowPoint<'a> {
-    /// Number of the point.
-    pub number: usize,
-    /// Its elastic moduli.
-    pub moduli: &'a Moduli,
-    /// Its state at the start of the step.
-    pub settled: &'a Inelastic,
+    /// Constants of the law at the temperature of the point, in the order of its declaration.
+    pub constants: &'a [f64],
+    /// Temperature, K; `None` in a body without.
+    pub temperature: Option<f64>,
+    /// Size of the step, s.
+    pub step: f64,
+    /// Shear modulus, Pa.
+    pub shear_modulus: f64,
+    /// Bulk modulus, Pa.
+    pub bulk_modulus: f64,
+    /// Equivalent plastic strain at the start of the step.
+    pub equivalent: f64,
+    /// State variables of the law at the start of the step, in the order of their declaration.
+    pub state: &'a [f64],
 }
 
-/// A law of inelastic flow of points that are elastic and isotropic. Tensors are xx, yy, zz, xy, yz, zx.
-pub trait FlowLaw: Sync {
-    /// The increment of the state of a point from its trial stress (Pa), which is elastic from the settled state on;
-    /// `None` without flow.
-    fn flow(&self, point: FlowPoint<'_>, trial: &[f64; 6]) -> Option<Inelastic>;
+/// Flow of a point in a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Flow {
+    /// Increment of the inelastic strain: xx, yy, zz, xy, yz, zx.
+    pub strain: [f64; 6],
+    /// Increment of the equivalent plastic strain, above zero where the point flows.
+    pub equivalent: f64,
+    /// Work of the flow, J/m³.
+    pub work: f64,
+}
 
-    /// Whether a point flows between its settled state and a tried one.
-    fn flows(&self, point: usize, settled: &Inelastic, tried: &Inelastic) -> bool;
+/// Equivalent plastic strain at the end of a step.
+#[derive(Clone, Copy, Debug)]
+pub struct EquivalentStrain {
+    /// At the end of the step.
+    pub end: f64,
+    /// Its increment in the step.
+    pub increment: f64,
+}
 
-    /// Derivative of the inelastic strain by the strain, from the trial stress (Pa) and the state that
-    /// [`FlowLaw::flow`] found; `None` without a closed form, which differences replace.
+/// A law of inelastic flow of points that are elastic and isotropic, in three dimensions; tensors are xx, yy, zz, xy, yz,
+/// zx. Plane stress and bars are found by iteration.
+///
+/// A law that finds no solution returns numbers that are not finite, which the solver reports.
+pub trait FlowLaw: Debug + Send + Sync + serde::Serialize + 'static {
+    /// Properties of materials that the law needs.
+    const CONSTANTS: &'static [Constant];
+    /// State variables besides the equivalent plastic strain and the inelastic strain.
+    const STATE: &'static [StateVariable] = &[];
+    /// Whether [`FlowLaw::tangent`] has a closed form; central differences replace it otherwise.
+    const HAS_TANGENT: bool = false;
+    /// Whether the derivative of the stress by the strain is symmetric: flow along the normal of a yield surface, hardening
+    /// without recovery. Others are solved by GMRES.
+    const IS_SYMMETRIC: bool = false;
+
+    /// Checks the keys, and computes from them what each point needs.
+    ///
+    /// # Errors
+    /// A value that makes no sense; the key of the error begins behind the name of the law.
+    fn prepare(&mut self) -> Result<(), SetupError> {
+        Ok(())
+    }
+
+    /// The flow that follows a trial stress (Pa), which is elastic from the start of the step on, and the state variables at
+    /// its end in `state`; `None` if the point does not flow, whatever `state` then has.
+    fn flow(&self, point: &FlowPoint<'_>, trial: &[f64; 6], state: &mut [f64]) -> Option<Flow>;
+
+    /// Derivative of the inelastic strain by the strain, from the trial stress (Pa), the equivalent plastic strain and the
+    /// state variables that [`FlowLaw::flow`] found; `None` where it has no closed form.
     fn tangent(
         &self,
-        point: FlowPoint<'_>,
-        trial: &[f64; 6],
-        tried: &Inelastic,
-    ) -> Option<Matrix6<f64>>;
-
-    /// Work of the flow of a point in a step, J/m³.
-    fn work(&self, point: usize, settled: &Inelastic, tried: &Inelastic) -> f64;
-
-    /// Stress at which a point starts to flow, Pa: the scale of differences.
-    fn yield_stress(&self, point: usize) -> f64;
-}
-
-/// J2 plasticity with isotropic hardening and transformation plasticity.
-#[derive(Debug)]
-pub struct J2 {
-    pub(super) stress_state: StressState,
-    /// By material.
-    pub(super) yield_stress: Vec<Property>,
-    /// By material.
-    pub(super) hardening_modulus: Vec<Option<Property>>,
-    pub(super) table: Option<Table>,
-    /// Yield stress and hardening modulus of each point at its present temperature, Pa.
-    pub(super) flow: Vec<[f64; 2]>,
-    /// 3/2 of the compliance of transformation plasticity in this step, 1/Pa, by point; empty without.
-    pub(super) transformation: Vec<f64>,
-}
-
-impl J2 {
-    /// Evaluates yield stress and hardening modulus at the temperature of each point, K; `given` yield stresses (Pa) of the
-    /// points take the place of the materials'.
-    pub fn set_temperature(
-        &mut self,
-        material: &[u16],
-        temperature: Option<&[f64]>,
-        given: Option<&[f64]>,
-    ) {
-        let (yields, moduli) = (&self.yield_stress, &self.hardening_modulus);
-        let points = self.flow.par_iter_mut().zip(material).enumerate();
-        points.for_each(|(i, (flow, &m))| {
-            let t = temperature.map_or(0.0, |t| t[i]);
-            let modulus = moduli[m as usize].as_ref();
-            *flow = [
-                given.map_or_else(|| yields[m as usize].at(t, 0.0), |given| given[i]),
-                modulus.map_or(0.0, |h| h.at(t, 0.0)),
-            ];
-        });
-    }
-
-    /// Sets the growth of the compliance of transformation plasticity in this step (1/Pa, by point).
-    pub fn set_transformation(&mut self, growth: impl Iterator<Item = f64>) {
-        self.transformation.clear();
-        self.transformation.extend(growth.map(|k| 1.5 * k));
-    }
-
-    /// Resistance of a point to flow.
-    fn flow_stress(&self, point: usize) -> FlowStress<'_> {
-        let [yield_stress, modulus] = self.flow[point];
-        FlowStress {
-            yield_stress,
-            modulus,
-            table: self.table.as_ref(),
-        }
-    }
-}
-
-impl FlowLaw for J2 {
-    /// Flow by transformation, then by the excess over the flow stress.
-    fn flow(&self, point: FlowPoint<'_>, trial: &[f64; 6]) -> Option<Inelastic> {
-        let FlowPoint {
-            number,
-            moduli,
-            settled,
-        } = point;
-        let state = self.stress_state;
-        let returned = |stress: &[f64; 6]| {
-            let flow = self.flow_stress(number);
-            let excess = return_to_yield(state, stress, moduli, flow, settled.equivalent);
-            excess.map(|(strain, equivalent)| Inelastic { strain, equivalent })
-        };
-        match self.transformation.get(number) {
-            None | Some(0.0) => returned(trial),
-            Some(&g) => {
-                let (stress, mut strain) = flow_along_deviator(state, trial, moduli, g);
-                let rest = returned(&stress).unwrap_or_default();
-                strain
-                    .iter_mut()
-                    .zip(rest.strain)
-                    .for_each(|(e, de)| *e += de);
-                Some(Inelastic { strain, ..rest })
-            }
-        }
-    }
-
-    fn flows(&self, point: usize, settled: &Inelastic, tried: &Inelastic) -> bool {
-        tried.equivalent > settled.equivalent
-            || self.transformation.get(point).is_some_and(|g| *g > 0.0)
-    }
-
-    fn tangent(
-        &self,
-        point: FlowPoint<'_>,
-        trial: &[f64; 6],
-        tried: &Inelastic,
+        _point: &FlowPoint<'_>,
+        _trial: &[f64; 6],
+        _strain: EquivalentStrain,
+        _state: &[f64],
     ) -> Option<Matrix6<f64>> {
-        let FlowPoint {
-            number,
-            moduli,
-            settled,
-        } = point;
-        let flowed = Flowed {
-            transformation: self.transformation.get(number).copied().unwrap_or(0.0),
-            increment: tried.equivalent - settled.equivalent,
-            hardening: self.flow_stress(number).slope(tried.equivalent),
-        };
-        radial_tangent(self.stress_state, trial, moduli, flowed)
+        None
     }
 
-    /// The flow stress at the end of the step times the increment of the equivalent strain.
-    fn work(&self, point: usize, settled: &Inelastic, tried: &Inelastic) -> f64 {
-        let flow = self.flow_stress(point).at(tried.equivalent);
-        flow * (tried.equivalent - settled.equivalent)
+    /// Stress of the order at which points flow, Pa: 1e-4 of it is the step of differences.
+    fn scale(&self, point: &FlowPoint<'_>) -> f64;
+}
+
+/// A law of flow along the stress deviator, by a flow stress that increases with the increment of the equivalent plastic
+/// strain: isotropic hardening, rates, temperature. It has a tangent in closed form, and serves bars and plane stress.
+pub trait FlowStressLaw: Debug + Send + Sync + serde::Serialize + 'static {
+    /// Properties of materials that the law needs.
+    const CONSTANTS: &'static [Constant];
+
+    /// Checks the keys, and computes from them what each point needs.
+    ///
+    /// # Errors
+    /// A value that makes no sense; the key of the error begins behind the name of the law.
+    fn prepare(&mut self) -> Result<(), SetupError> {
+        Ok(())
     }
 
-    fn yield_stress(&self, point: usize) -> f64 {
-        self.flow[point][0]
+    /// Flow stress at the end of a step, Pa.
+    fn flow_stress(&self, point: &FlowPoint<'_>, strain: EquivalentStrain) -> f64;
+
+    /// Its derivative by the increment of the equivalent plastic strain, Pa.
+    fn hardening(&self, point: &FlowPoint<'_>, strain: EquivalentStrain) -> f64;
+
+    /// Stress of the order at which points flow, Pa: 1e-4 of it is the step of differences.
+    fn scale(&self, point: &FlowPoint<'_>) -> f64;
+}
+
+/// A registered law of flow.
+pub struct FlowRegistration(pub LawRegistration<dyn FlowSweep>);
+
+perimelt_core::inventory::collect!(FlowRegistration);
+
+impl LawKind for dyn FlowSweep {
+    const KEY: &'static str = "flow";
+
+    fn registrations() -> Box<dyn Iterator<Item = &'static LawRegistration<Self>>> {
+        let all = perimelt_core::inventory::iter::<FlowRegistration>;
+        Box::new(all.into_iter().map(|registration| &registration.0))
     }
+}
+
+/// Makes a [`FlowLaw`] known as `flow.<name>`: `register_flow_law!("chaboche", Chaboche)`. The law implements `Serialize`,
+/// `Deserialize` (with `deny_unknown_fields`) and `JsonSchema`.
+#[macro_export]
+macro_rules! register_flow_law {
+    ($name:literal, $law:ty) => {
+        $crate::register_flow!($name, $law, $crate::mechanical::plasticity::Spatial<$law>);
+    };
+}
+
+/// Makes a [`FlowStressLaw`] known as `flow.<name>`, as [`register_flow_law!`](crate::register_flow_law) does a
+/// [`FlowLaw`].
+#[macro_export]
+macro_rules! register_flow_stress_law {
+    ($name:literal, $law:ty) => {
+        $crate::register_flow!($name, $law, $crate::mechanical::plasticity::Radial<$law>);
+    };
+}
+
+#[doc(hidden)]
+#[macro_export]
+macro_rules! register_flow {
+    ($name:literal, $law:ty, $rule:ty) => {
+        $crate::perimelt_core::inventory::submit! {
+            $crate::mechanical::plasticity::FlowRegistration(
+                $crate::perimelt_core::law::LawRegistration {
+                    name: $name,
+                    schema: |generator| generator.subschema_for::<$law>(),
+                    from_keys: |keys| {
+                        let law: $law = $crate::perimelt_core::erased_serde::deserialize(keys)?;
+                        Ok(Box::new(<$rule>::from(law)))
+                    },
+                    facts: <$rule>::FACTS,
+                },
+            )
+        }
+    };
 }

@@ -1,9 +1,8 @@
 //! Return of a trial stress to the flow stress, and relief by annealing: the law of one point.
 
-use nalgebra::{Matrix6, Vector6};
-use perimelt_core::material::Table;
-
+use super::law::EquivalentStrain;
 use crate::mechanical::moduli::{Moduli, Plane};
+use nalgebra::{Matrix6, Vector6};
 
 /// The components that the stress of a body has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,45 +35,25 @@ impl StressState {
     }
 }
 
-/// Resistance of a point to flow.
-#[derive(Clone, Copy, Debug)]
-pub struct FlowStress<'a> {
-    /// Yield stress, Pa.
-    pub yield_stress: f64,
-    /// Hardening modulus, Pa.
-    pub modulus: f64,
-    /// h(p).
-    pub table: Option<&'a Table>,
-}
-
-impl FlowStress<'_> {
-    /// Flow stress at an equivalent plastic strain, Pa.
-    pub fn at(&self, equivalent: f64) -> f64 {
-        let factor = self.table.map_or(1.0, |t| t.at(equivalent));
-        self.yield_stress * factor + self.modulus * equivalent
-    }
-
-    /// Its derivative by the equivalent plastic strain, Pa.
-    pub fn slope(&self, equivalent: f64) -> f64 {
-        let slope = self.table.map_or(0.0, |t| t.slope(equivalent));
-        self.yield_stress * slope + self.modulus
-    }
-}
-
 /// Increments of plastic strain (xx, yy, zz, xy, yz, zx) and equivalent plastic strain that bring a
-/// trial stress (Pa) back to the flow stress; `None` when it is below.
+/// trial stress (Pa) back to the flow stress (Pa), which does not fall with the increment; `None` when it is below.
+/// `start` is the equivalent plastic strain before.
 pub fn return_to_yield(
     state: StressState,
     trial: &[f64; 6],
     moduli: &Moduli,
-    flow: FlowStress<'_>,
-    equivalent: f64,
+    flow_stress: impl Fn(EquivalentStrain) -> f64,
+    start: f64,
 ) -> Option<([f64; 6], f64)> {
     let [xx, yy, zz, xy, yz, zx] = *trial;
+    let flow_stress = |increment: f64| {
+        let end = start + increment;
+        flow_stress(EquivalentStrain { end, increment })
+    };
     match state {
         StressState::Uniaxial => {
             let q = xx.abs();
-            let excess = |dp: f64| q - moduli.bulk * dp - flow.at(equivalent + dp);
+            let excess = |dp: f64| q - moduli.bulk * dp - flow_stress(dp);
             let dp = root(excess, q / moduli.bulk)?;
             let along = dp * xx.signum();
             Some(([along, -0.5 * along, -0.5 * along, 0.0, 0.0, 0.0], dp))
@@ -83,7 +62,7 @@ pub fn return_to_yield(
             let mean = (xx + yy + zz) / 3.0;
             let deviator = [xx - mean, yy - mean, zz - mean, xy, yz, zx];
             let q = equivalent_stress(&deviator);
-            let excess = |dp: f64| q - 3.0 * moduli.shear * dp - flow.at(equivalent + dp);
+            let excess = |dp: f64| q - 3.0 * moduli.shear * dp - flow_stress(dp);
             let dp = root(excess, q / (3.0 * moduli.shear))?;
             Some((deviator.map(|s| 1.5 * dp * s / q), dp))
         }
@@ -95,7 +74,7 @@ pub fn return_to_yield(
                     + (0.5 * difference.powi(2) + 2.0 * xy * xy) * rest * rest;
                 (1.5 * square).sqrt()
             };
-            let excess = |g: f64| q(g) - flow.at(equivalent + 2.0 / 3.0 * g * q(g));
+            let excess = |g: f64| q(g) - flow_stress(2.0 / 3.0 * g * q(g));
             // q decreases to zero for large g, so that the flow stress is reached
             let mut most = 1.0 / moduli.shear;
             while excess(most) > 0.0 {
@@ -225,7 +204,7 @@ fn equivalent_stress(s: &[f64; 6]) -> f64 {
 }
 
 /// Root between 0 and `most` of a decreasing function, by the Illinois method; `None` if it is not positive at 0.
-fn root(f: impl Fn(f64) -> f64, most: f64) -> Option<f64> {
+pub(super) fn root(mut f: impl FnMut(f64) -> f64, most: f64) -> Option<f64> {
     let (mut low, mut f_low) = (0.0, f(0.0));
     let scale = f_low;
     if f_low <= 0.0 {
@@ -283,6 +262,7 @@ pub(super) fn elastic_strain(state: StressState, stress: &[f64; 6], moduli: &Mod
 #[cfg(test)]
 mod tests {
     use super::*;
+    use perimelt_core::material::Table;
     use proptest::prelude::*;
 
     #[test]
@@ -345,16 +325,16 @@ mod tests {
         ) {
             let table = Table::new(vec![0.0, 0.01, 0.1], vec![1.0, 1.2, 1.5]).expect("rows");
             for state in [StressState::Uniaxial, StressState::Plane, StressState::Full] {
-                let flow = FlowStress { yield_stress: YIELD, modulus: 2e9, table: Some(&table) };
+                let flow = |p: f64| YIELD * table.at(p) + 2e9 * p;
                 let trial = stress_of(state, &strain);
-                let moved = return_to_yield(state, &trial, &moduli(state), flow, equivalent);
+                let moved = return_to_yield(state, &trial, &moduli(state), |p| flow(p.end), equivalent);
                 let Some((plastic, increment)) = moved else {
-                    prop_assert!(von_mises(&trial) <= flow.at(equivalent));
+                    prop_assert!(von_mises(&trial) <= flow(equivalent));
                     continue;
                 };
                 let relieved = stress_of(state, &plastic);
                 let stress: [f64; 6] = std::array::from_fn(|c| trial[c] - relieved[c]);
-                let flow_stress = flow.at(equivalent + increment);
+                let flow_stress = flow(equivalent + increment);
                 prop_assert!((von_mises(&stress) / flow_stress - 1.0).abs() < 1e-9, "{state:?}");
                 let volume: f64 = plastic[..3].iter().sum();
                 prop_assert!(volume.abs() < 1e-15);

@@ -128,10 +128,10 @@ fn the_tangent_of_a_flowing_body_is_the_derivative_of_its_forces() {
             let mut mechanical = mechanical.ready(&mut setup).expect("valid");
             setup.finish().expect("complete");
             let run = &mut mechanical.run;
-            run.load_plasticity(&world, None);
+            run.load_plasticity(&world, None, 1.0);
             let plasticity = run.solid.base_mut().plasticity().expect("it flows");
             if transformation > 0.0 {
-                plasticity.law.set_transformation(
+                plasticity.set_transformation(
                     world.body(0).points.position.iter().map(|_| transformation),
                 );
             }

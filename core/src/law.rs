@@ -1,0 +1,326 @@
+//! Laws as plugins: a kind of law is a trait object, and a law of a crate makes itself known under a name.
+//!
+//! A key of a plugin whose value is a [`Law`] takes `name = { keys }`: the name chooses the registration, which reads the
+//! keys. Constants of a law are properties of materials ([`Constant`]), its keys are choices of the model. The kind of law
+//! collects the registrations ([`LawKind`]), so that messages, schemas, `list` and `explain` name every law.
+
+use std::borrow::Cow;
+use std::fmt;
+use std::marker::PhantomData;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, Visitor};
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::json;
+
+use crate::body::Body;
+use crate::error::{Problem, SetupError};
+use crate::material::{Material, Property};
+
+/// A property of the material that a law needs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constant {
+    /// Name of the registered property.
+    pub property: &'static str,
+    /// Its value where a material has none; `None` where the law cannot do without.
+    pub default: Option<f64>,
+}
+
+impl Constant {
+    /// A property that every material must have.
+    pub const fn required(property: &'static str) -> Self {
+        Constant {
+            property,
+            default: None,
+        }
+    }
+
+    /// A property with a value for materials that do not have it.
+    pub const fn or(property: &'static str, default: f64) -> Self {
+        Constant {
+            property,
+            default: Some(default),
+        }
+    }
+}
+
+/// A variable of the state of a point that a law declares. It becomes the field `<law>.<name>`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StateVariable {
+    /// Name behind that of the law.
+    pub name: &'static str,
+    /// SI unit.
+    pub unit: &'static str,
+    /// Meaning, in one line.
+    pub meaning: &'static str,
+    /// Whether it is a symmetric tensor (six numbers: xx, yy, zz, xy, yz, zx), not one number.
+    pub is_tensor: bool,
+}
+
+impl StateVariable {
+    /// One number.
+    pub const fn scalar(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
+        StateVariable {
+            name,
+            unit,
+            meaning,
+            is_tensor: false,
+        }
+    }
+
+    /// A symmetric tensor.
+    pub const fn tensor(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
+        StateVariable {
+            is_tensor: true,
+            ..StateVariable::scalar(name, unit, meaning)
+        }
+    }
+
+    /// Numbers of the variable.
+    pub const fn width(&self) -> usize {
+        if self.is_tensor { 6 } else { 1 }
+    }
+
+    /// Numbers of all variables of a law.
+    pub const fn width_of(variables: &[StateVariable]) -> usize {
+        let (mut width, mut i) = (0, 0);
+        while i < variables.len() {
+            width += variables[i].width();
+            i += 1;
+        }
+        width
+    }
+}
+
+/// What `perimelt explain` says about a law besides its keys.
+#[derive(Clone, Copy, Debug)]
+pub struct LawFacts {
+    /// Properties of materials that it needs.
+    pub constants: &'static [Constant],
+    /// Its state variables.
+    pub state: &'static [StateVariable],
+    /// Other facts: a heading and a text.
+    pub others: &'static [(&'static str, &'static str)],
+}
+
+/// Reads a law from its keys.
+pub type FromKeys<P> =
+    fn(&mut dyn erased_serde::Deserializer<'_>) -> Result<Box<P>, erased_serde::Error>;
+
+/// A registered law of the kind `P`.
+pub struct LawRegistration<P: ?Sized + 'static> {
+    /// Name in case files.
+    pub name: &'static str,
+    /// Keys, types, defaults, documentation.
+    pub schema: fn(&mut SchemaGenerator) -> Schema,
+    /// Constructor.
+    pub from_keys: FromKeys<P>,
+    /// Constants, state and more.
+    pub facts: LawFacts,
+}
+
+/// A kind of law, such as that of plastic flow: the type of its objects.
+pub trait LawKind: 'static {
+    /// The key of the plugin that takes a law of this kind.
+    const KEY: &'static str;
+
+    /// All laws of this kind.
+    fn registrations() -> Box<dyn Iterator<Item = &'static LawRegistration<Self>>>;
+
+    /// All laws of this kind, by name.
+    fn registered() -> Vec<&'static LawRegistration<Self>> {
+        let mut all: Vec<_> = Self::registrations().collect();
+        all.sort_by_key(|law| law.name);
+        all
+    }
+}
+
+/// A law of the kind `P` in a case file: `name = { keys }`.
+pub struct Law<P: ?Sized> {
+    /// Name of the law.
+    pub name: &'static str,
+    /// The law.
+    pub law: Box<P>,
+}
+
+impl<P: ?Sized + fmt::Debug> fmt::Debug for Law<P> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} = {:?}", self.name, self.law)
+    }
+}
+
+impl<P: ?Sized + Serialize> Serialize for Law<P> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(1))?;
+        map.serialize_entry(self.name, &*self.law)?;
+        map.end()
+    }
+}
+
+impl<'de, P: LawKind + ?Sized> Deserialize<'de> for Law<P> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(LawVisitor(PhantomData))
+    }
+}
+
+struct LawVisitor<P: ?Sized>(PhantomData<fn() -> Box<P>>);
+
+impl<'de, P: LawKind + ?Sized> Visitor<'de> for LawVisitor<P> {
+    type Value = Law<P>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "`name = {{ ... }}` with the keys of that law")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Law<P>, A::Error> {
+        let wrong_number = |found| A::Error::custom(format!("wanted exactly 1 element, {found}"));
+        let name = map.next_key_seed(LawName(PhantomData::<fn() -> Box<P>>))?;
+        let registration = name.ok_or_else(|| wrong_number("found 0 elements"))?;
+        let law = map.next_value_seed(LawKeys(registration))?;
+        match map.next_key::<serde::de::IgnoredAny>()? {
+            Some(_) => Err(wrong_number("more than 1 element")),
+            None => Ok(Law {
+                name: registration.name,
+                law,
+            }),
+        }
+    }
+}
+
+/// Finds the registration of a name.
+struct LawName<P: ?Sized>(PhantomData<fn() -> Box<P>>);
+
+impl<'de, P: LawKind + ?Sized> DeserializeSeed<'de> for LawName<P> {
+    type Value = &'static LawRegistration<P>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        let name = Cow::<str>::deserialize(deserializer)?;
+        let known = P::registered();
+        let found = known.iter().find(|law| law.name == name);
+        found.copied().ok_or_else(|| {
+            let known: Vec<_> = known.iter().map(|law| format!("`{}`", law.name)).collect();
+            let known = known.join(", ");
+            D::Error::custom(format!("unknown variant `{name}`, expected one of {known}"))
+        })
+    }
+}
+
+/// Reads the keys of a law. An error keeps the names of the keys that lead to it in its text: places in the file do not
+/// pass through [`erased_serde`].
+struct LawKeys<P: ?Sized + 'static>(&'static LawRegistration<P>);
+
+impl<'de, P: ?Sized> DeserializeSeed<'de> for LawKeys<P> {
+    type Value = Box<P>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Box<P>, D::Error> {
+        let mut keys = <dyn erased_serde::Deserializer<'_>>::erase(deserializer);
+        (self.0.from_keys)(&mut keys).map_err(D::Error::custom)
+    }
+}
+
+/// One choice for each registered law, with its facts under `x-law`.
+impl<P: LawKind + ?Sized> JsonSchema for Law<P> {
+    fn schema_name() -> Cow<'static, str> {
+        format!("law of {}", P::KEY).into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let choices = P::registered().into_iter().map(|law| {
+            let keys = (law.schema)(generator);
+            json!({
+                "type": "object",
+                "properties": { law.name: keys },
+                "required": [law.name],
+                "additionalProperties": false,
+                "x-law": law.facts.lines(),
+            })
+        });
+        let choices: Vec<_> = choices.collect();
+        json_schema!({ "oneOf": choices })
+    }
+}
+
+impl LawFacts {
+    /// The facts in lines of text, such as `property yield_stress`.
+    fn lines(&self) -> Vec<String> {
+        let constants = self.constants.iter().map(|constant| {
+            let name = constant.property;
+            match constant.default {
+                None => format!("property `{name}` of the material"),
+                Some(value) => format!("property `{name}` of the material (default {value})"),
+            }
+        });
+        let state = self.state.iter().map(|variable| {
+            let StateVariable {
+                name,
+                unit,
+                meaning,
+                ..
+            } = variable;
+            format!("state variable `{name}` [{unit}] {meaning}")
+        });
+        let others = self.others.iter();
+        let others = others.map(|(heading, text)| format!("{heading}: {text}"));
+        constants.chain(state).chain(others).collect()
+    }
+}
+
+/// The constants of a law for the materials of a body.
+#[derive(Clone, Debug)]
+pub struct Constants {
+    count: usize,
+    /// By material, then by constant.
+    properties: Vec<ConstantOf>,
+}
+
+#[derive(Clone, Debug)]
+enum ConstantOf {
+    Given(Property),
+    Default(f64),
+}
+
+impl Constants {
+    /// Takes the constants of `law`, such as `flow.j2`, which stands at `key`, from the materials of a body.
+    ///
+    /// # Errors
+    /// A material without one of them; the error names law, material and property.
+    pub fn of(
+        body: &Body,
+        key: &str,
+        law: &str,
+        constants: &[Constant],
+    ) -> Result<Self, SetupError> {
+        let one = |(material, constant): (&Material, &Constant)| {
+            let found = material.get(constant.property).cloned();
+            let found = found.map(ConstantOf::Given);
+            let found = found.or(constant.default.map(ConstantOf::Default));
+            found.ok_or_else(|| {
+                let problem = Problem::MissingConstant {
+                    material: material.name().into(),
+                    body: body.name.clone(),
+                    property: constant.property.into(),
+                    law: law.into(),
+                };
+                SetupError::new(key, problem)
+            })
+        };
+        let materials = body.materials.iter();
+        let all = materials.flat_map(|m| constants.iter().map(move |c| (m, c)));
+        Ok(Constants {
+            count: constants.len(),
+            properties: all.map(one).collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Writes the constants of a material at a temperature (K) to `values`.
+    pub fn load(&self, material: usize, temperature: f64, values: &mut [f64]) {
+        let of_material = &self.properties[material * self.count..][..self.count];
+        for (value, constant) in values.iter_mut().zip(of_material) {
+            *value = match constant {
+                ConstantOf::Given(property) => property.at(temperature, 0.0),
+                ConstantOf::Default(value) => *value,
+            };
+        }
+    }
+}
