@@ -222,7 +222,7 @@ impl<'de, P: ?Sized> DeserializeSeed<'de> for LawKeys<P> {
 /// One choice for each registered law, with its facts under `x-law`.
 impl<P: LawKind + ?Sized> JsonSchema for Law<P> {
     fn schema_name() -> Cow<'static, str> {
-        format!("law of {}", P::KEY).into()
+        format!("{}_law", P::KEY).into()
     }
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {

@@ -273,6 +273,17 @@ mistakes! {
     infinite_number: "depth = 0.002" => "depth = inf";
     solver_that_is_unknown: "horizon = 2\n" => "horizon = 2\nsolver.rkl3 = {}\n";
     key_of_a_choice_that_is_unknown: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nsolver.quasi_static = { toleranec = 1e-6 }\n[[couplers]]\ntype = \"phase_change\"";
+    flow_law_that_is_unknown: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow.johnson_cock = {}\n[[couplers]]\ntype = \"phase_change\"";
+    flow_law_as_text: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow = \"j2\"\n[[couplers]]\ntype = \"phase_change\"";
+    two_flow_laws: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow = { j2 = {}, norton = {} }\n[[couplers]]\ntype = \"phase_change\"";
+    key_of_a_flow_law_that_is_unknown: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow.johnson_cook = { reference_rat = 2 }\n[[couplers]]\ntype = \"phase_change\"";
+    key_of_another_flow_law: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow.norton = { reference_rate = 2 }\n[[couplers]]\ntype = \"phase_change\"";
+    text_in_a_flow_law: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow.j2 = { hardening = { plastic_strain = [0, \"much\"], factor = [1, 2] } }\n[[couplers]]\ntype = \"phase_change\"";
+    flow_law_beside_plasticity: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow.j2 = {}\nplasticity = {}\n[[couplers]]\ntype = \"phase_change\"";
+    annealing_without_flow: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nannealing_temperature = 1300\n[[couplers]]\ntype = \"phase_change\"";
+    flow_law_without_a_constant: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow.chaboche = {}\n";
+    flow_law_with_a_rate_of_zero: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow.johnson_cook = { reference_rate = 0 }\n";
+    flow_law_of_a_bond_based_solid: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nflow.j2 = {}\n";
     horizon_of_zero: "horizon = 2\n" => "horizon = 0\n";
     steel_without_composition: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"metallurgy\"\n[[couplers]]\ntype = \"phase_change\"";
     two_physics_of_one_field: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"thermal\"\n[[couplers]]\ntype = \"phase_change\"";
