@@ -126,6 +126,17 @@ impl Shown {
         }
     }
 
+    /// The scale for the largest of the finite ones of these values.
+    pub(crate) fn for_values<'a>(
+        si: &str,
+        values: impl IntoIterator<Item = &'a f64>,
+        celsius: bool,
+    ) -> Self {
+        let finite = values.into_iter().filter(|value| value.is_finite());
+        let largest = finite.fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        Self::new(si, largest, celsius)
+    }
+
     /// The number that is shown for a value.
     pub(crate) fn of(&self, value: f64) -> f64 {
         value * self.factor + self.offset
@@ -227,6 +238,8 @@ mod tests {
         assert_eq!((celsius.of(293.15), &*celsius.unit), (20.0, "°C"));
         assert_eq!(celsius.inverse(20.0), 293.15);
         assert_eq!(Shown::new("K/m", 10.0, true).unit, "K/m");
+        let values = [1.0, f64::NAN, -2e8, f64::INFINITY];
+        assert_eq!(Shown::for_values("Pa", &values, false).unit, "MPa");
         assert_eq!(length(f64::NAN).unit, "m");
         assert_eq!((length(0.0).unit, time(0.0).unit), ("mm", "s"));
         assert_eq!(length(0.05).unit, "mm");

@@ -12,7 +12,7 @@ Draft202012Validator.check_schema(schema)
 validator = Draft202012Validator(schema)
 
 place = Path(sys.argv[2])
-other = {"materials", "assets", "src", "toolpaths", "spacings"}
+other = {"materials", "src", "toolpaths", "spacings"}
 if place.is_file():
     files = [place]
 else:

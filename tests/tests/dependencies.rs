@@ -1,5 +1,5 @@
-//! The packages that the program is built from: their licences, versions and sources are those that `deny.toml` allows, and
-//! no crate names a package that it does not use.
+//! The packages that the program is built from: their licences, versions and sources are those that `deny.toml` allows; and
+//! the arrows between the crates of this repository.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
@@ -62,6 +62,21 @@ fn licences_are_allowed_and_packages_have_one_version() {
     for (name, versions) in &versions {
         let twice = versions.len() > 1;
         assert_eq!(twice, skipped.contains(name), "{name}: {versions:?}");
+    }
+}
+
+#[test]
+fn crates_depend_on_those_below_them_only() {
+    for (folder, below) in [
+        ("core", &[][..]),
+        ("plot", &[]),
+        ("physics", &["perimelt-core"]),
+        ("couplers", &["perimelt-core"]),
+    ] {
+        let manifest = read(&format!("{folder}/Cargo.toml"));
+        let names = manifest["dependencies"].as_table().expect("a table").keys();
+        let own = names.filter(|name| name.starts_with("perimelt"));
+        assert!(own.eq(below), "{folder}");
     }
 }
 

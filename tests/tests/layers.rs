@@ -9,6 +9,10 @@ use perimelt_tests::{files_with, root};
 const CORE: &str = "axis input folder text explanation flattened cell_list neighbours formula shape material samples in_time programme body \
                     solver family pddo error stepping in_space field world setup pair_list schedule plugin log simulation";
 
+/// Modules of `perimelt-plot`, the lowest first.
+const PLOT: &str =
+    "colour scale picture axes heading curves section contour smooth layout snapshot palette film";
+
 /// Modules of `perimelt`, the lowest first.
 const CASES: &str = "interrupt terminal file_names argument library cell_grid component growing_log unit output tables \
                      log_names log_file moment melt_pool probe case quantity plot run export summary diff sweep verify \
@@ -59,7 +63,7 @@ fn used(code: &str) -> BTreeSet<String> {
 
 #[test]
 fn modules_use_those_below_them_only() {
-    for (folder, order) in [("core", CORE), ("cases", CASES)] {
+    for (folder, order) in [("core", CORE), ("plot", PLOT), ("cases", CASES)] {
         let root = root().join(folder).join("src");
         let order: Vec<&str> = order.split_whitespace().collect();
         let rank = |name: &str| order.iter().position(|module| *module == name);

@@ -234,59 +234,21 @@ pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> io::Result<()> {
-    let part = WholeFile::begin(path)?;
-    let mut writer = BufWriter::new(part.file.as_file());
+    // what a link leads to is not written to: the link is replaced
+    if std::fs::symlink_metadata(path).is_ok_and(|data| !data.is_symlink())
+        && let Some(what) = irregular(path)
+    {
+        return Err(io::Error::other(format!(
+            "this is {what}, expected a regular file"
+        )));
+    }
+    let file = temporary(path)?;
+    let _unfinished = Unfinished::new(file.path());
+    let mut writer = BufWriter::new(file.as_file());
     write(&mut writer)?;
     writer.flush()?;
     drop(writer);
-    part.put_in_place()
-}
-
-/// A file that takes its name when it is complete, for writers that want to own it.
-#[derive(Debug)]
-pub struct WholeFile {
-    path: PathBuf,
-    file: NamedTempFile,
-    _unfinished: Unfinished,
-}
-
-impl WholeFile {
-    /// Begins the file called `path`.
-    ///
-    /// # Errors
-    /// The name belongs to something else than a regular file, or an error of the operating system.
-    pub fn begin(path: &Path) -> io::Result<Self> {
-        // what a link leads to is not written to: the link is replaced
-        if std::fs::symlink_metadata(path).is_ok_and(|data| !data.is_symlink())
-            && let Some(what) = irregular(path)
-        {
-            return Err(io::Error::other(format!(
-                "this is {what}, expected a regular file"
-            )));
-        }
-        let file = temporary(path)?;
-        Ok(Self {
-            path: path.into(),
-            _unfinished: Unfinished::new(file.path()),
-            file,
-        })
-    }
-
-    /// The file to write.
-    ///
-    /// # Errors
-    /// An error of the operating system.
-    pub fn writable(&self) -> io::Result<File> {
-        self.file.as_file().try_clone()
-    }
-
-    /// Gives the file its name.
-    ///
-    /// # Errors
-    /// An error of the operating system.
-    pub fn put_in_place(self) -> io::Result<()> {
-        put(self.file, &self.path).map(drop)
-    }
+    put(file, path).map(drop)
 }
 
 /// Renames a file to `path` between handing its data and its name to the disk.

@@ -1,7 +1,9 @@
 //! Arguments of `perimelt plot`.
 
 use std::path::PathBuf;
-use std::str::FromStr;
+
+use clap::ValueEnum;
+use perimelt_plot::{AXES, Cut};
 
 use crate::argument::finite;
 use crate::melt_pool::Travel;
@@ -29,12 +31,12 @@ pub struct PlotArgs {
     pub at: Vec<f64>,
     /// cross-sections of three-dimensional bodies, such as `x=0.05` (m) across a weld along x [default: along and across the
     /// weld, through the hottest point; where nothing is hot, and in films, through that of half way]
-    #[arg(long, value_name = "AXIS=POSITION")]
+    #[arg(long, value_name = "AXIS=POSITION", value_parser = cut)]
     pub section: Vec<Cut>,
     /// values at the ends of the colours, such as `300,1500`, in SI units [default: smallest and largest value shown at each
     /// time]
-    #[arg(long, value_name = "FROM,TO", allow_hyphen_values = true)]
-    pub range: Option<ValueRange>,
+    #[arg(long, value_name = "FROM,TO", allow_hyphen_values = true, value_parser = range)]
+    pub range: Option<[f64; 2]>,
     /// temperatures of the lines in field pictures, K; they bound the melt pool where the case has no solidus [default: solidus
     /// and liquidus of the case file, or round numbers while nothing is that hot]
     #[arg(long, value_delimiter = ',', allow_negative_numbers = true, value_parser = finite)]
@@ -73,7 +75,7 @@ pub struct PlotArgs {
 }
 
 /// File format of a picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum PictureFormat {
     /// pixels
     #[default]
@@ -83,7 +85,7 @@ pub enum PictureFormat {
 }
 
 /// What a picture shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum PictureKind {
     /// fields of the bodies
     Fields,
@@ -95,76 +97,32 @@ pub enum PictureKind {
     Balance,
 }
 
-impl PictureKind {
-    /// The name on the command line.
-    pub(super) fn name(&self) -> &'static str {
-        match self {
-            Self::Fields => "fields",
-            Self::MeltPool => "melt-pool",
-            Self::Probes => "probes",
-            Self::Balance => "balance",
-        }
-    }
+/// The name of a choice on the command line.
+pub(super) fn name(choice: &impl ValueEnum) -> String {
+    let value = choice.to_possible_value();
+    value.map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
-impl PictureFormat {
-    pub(super) fn extension(self) -> &'static str {
-        match self {
-            Self::Png => "png",
-            Self::Svg => "svg",
-        }
-    }
+/// Reads a section.
+fn cut(text: &str) -> Result<Cut, String> {
+    let parts = text.split_once('=').and_then(|(axis, at)| {
+        let axis = AXES.iter().position(|name| *name == axis.trim())?;
+        let at = at.trim().parse().ok().filter(|at: &f64| at.is_finite())?;
+        Some(Cut { axis, at })
+    });
+    parts.ok_or_else(|| {
+        format!("`{text}`: expected an axis and a coordinate in m, such as `x=0.05`")
+    })
 }
 
-/// A plane on which one coordinate is constant.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cut {
-    /// 0, 1, 2 for x, y, z
-    pub axis: usize,
-    /// the coordinate, m
-    pub at: f64,
-}
-
-/// Names of the axes.
-pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
-
-impl FromStr for Cut {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let expected =
-            || format!("`{text}`: expected an axis and a coordinate in m, such as `x=0.05`");
-        let (axis, at) = text.split_once('=').ok_or_else(expected)?;
-        let axis = AXES.iter().position(|name| *name == axis.trim());
-        let at: Option<f64> = at.trim().parse().ok().filter(|at: &f64| at.is_finite());
-        match (axis, at) {
-            (Some(axis), Some(at)) => Ok(Cut { axis, at }),
-            _ => Err(expected()),
-        }
-    }
-}
-
-/// Smallest and largest value of the colours.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ValueRange {
-    /// smallest value, in the unit of the field
-    pub from: f64,
-    /// largest value, in the unit of the field
-    pub to: f64,
-}
-
-impl FromStr for ValueRange {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let expected = || format!("`{text}`: expected two ascending numbers, such as `300,1500`");
-        let (from, to) = text.split_once(',').ok_or_else(expected)?;
-        let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
-        match (number(from), number(to)) {
-            (Some(from), Some(to)) if from < to => Ok(ValueRange { from, to }),
-            _ => Err(expected()),
-        }
-    }
+/// Reads the values at the ends of the colours.
+fn range(text: &str) -> Result<[f64; 2], String> {
+    let number = |text: &str| text.trim().parse().ok().filter(|x: &f64| x.is_finite());
+    let ends = text
+        .split_once(',')
+        .and_then(|(from, to)| Some([number(from)?, number(to)?]));
+    ends.filter(|[from, to]| from < to)
+        .ok_or_else(|| format!("`{text}`: expected two ascending numbers, such as `300,1500`"))
 }
 
 #[cfg(test)]
@@ -173,25 +131,16 @@ mod tests {
 
     #[test]
     fn sections_and_ranges_are_read_or_explained() {
-        assert_eq!(
-            "y=-0.5e-3".parse(),
-            Ok(Cut {
-                axis: 1,
-                at: -0.5e-3
-            })
-        );
-        assert_eq!(" z = 2 ".parse(), Ok(Cut { axis: 2, at: 2.0 }));
+        let (axis, at) = (1, -0.5e-3);
+        assert_eq!(cut("y=-0.5e-3"), Ok(Cut { axis, at }));
+        assert_eq!(cut(" z = 2 "), Ok(Cut { axis: 2, at: 2.0 }));
         for wrong in ["x", "x:1", "w=1", "x=one", "x=nan", "=1", ""] {
-            let error = wrong.parse::<Cut>().expect_err(wrong);
+            let error = cut(wrong).expect_err(wrong);
             assert!(error.contains("such as `x=0.05`"), "{error}");
         }
-        let range = ValueRange {
-            from: -1e8,
-            to: 2e8,
-        };
-        assert_eq!("-1e8,2e8".parse(), Ok(range));
+        assert_eq!(range("-1e8,2e8"), Ok([-1e8, 2e8]));
         for wrong in ["1", "2,1", "1,1", "1,2,3", "nan,1", ","] {
-            assert!(wrong.parse::<ValueRange>().is_err(), "{wrong}");
+            assert!(range(wrong).is_err(), "{wrong}");
         }
     }
 }

@@ -1,11 +1,8 @@
 //! The charts of a run.
 
-use perimelt_core::log::{BodyInfo, LoggedCloud, Series};
+use perimelt_core::log::{BodyInfo, Column, LoggedCloud, Series};
+use perimelt_plot::{Chart, LINES, Panel};
 
-use super::{
-    colour::LINES,
-    curves::{Chart, Panel},
-};
 use crate::log_names::BALANCE_LIMIT;
 use crate::log_names::RELATIVE_ERROR;
 use crate::melt_pool::MeltPool;
@@ -14,24 +11,75 @@ use crate::quantity::scalar::Scalar;
 use crate::quantity::survey::BodySurvey;
 use crate::unit::{self, Shown};
 
+/// Names and values of lines.
+type Lines = Vec<(String, Vec<f64>)>;
+
+/// A panel with lines in an SI unit, in the unit that suits their size; its label is this unit.
+pub(crate) fn panel(si: &str, mut lines: Lines, celsius: bool) -> Panel {
+    let shown = Shown::for_values(si, lines.iter().flat_map(|(_, values)| values), celsius);
+    for value in lines.iter_mut().flat_map(|(_, values)| values) {
+        *value = shown.of(*value);
+    }
+    Panel {
+        label: shown.unit,
+        lines,
+        ..Panel::default()
+    }
+}
+
+/// [`panel`] with the name of the values before the unit.
+fn named_panel(name: &str, si: &str, lines: Lines, celsius: bool) -> Panel {
+    let panel = panel(si, lines, celsius);
+    Panel {
+        label: unit::label(name, &panel.label).trim().to_owned(),
+        ..panel
+    }
+}
+
+/// A chart over numbers called `name` in an SI unit.
+fn chart(title: String, name: &str, si: &str, numbers: &[f64], panels: Vec<Panel>) -> Chart {
+    let shown = Shown::for_values(si, numbers, false);
+    Chart {
+        title,
+        horizontal_label: unit::label(name, &shown.unit),
+        horizontal: numbers.iter().map(|number| shown.of(*number)).collect(),
+        panels,
+    }
+}
+
+/// A series over time, one panel for each unit, or several where a panel would have more lines than there are colours.
+pub(super) fn series_chart(title: String, series: &Series, celsius: bool) -> Chart {
+    let mut units: Vec<&str> = Vec::new();
+    for column in &series.columns {
+        if !units.contains(&&*column.unit) {
+            units.push(&column.unit);
+        }
+    }
+    let mut panels = Vec::new();
+    for si in units {
+        let columns: Vec<&Column> = series.columns.iter().filter(|c| c.unit == si).collect();
+        panels.extend(columns.chunks(LINES.len()).map(|columns| {
+            let line = |c: &&Column| (unit::pretty_name(&c.name), c.values.clone());
+            let lines: Lines = columns.iter().map(line).collect();
+            match columns {
+                [column] => named_panel(&unit::pretty_name(&column.name), si, lines, celsius),
+                _ => panel(si, lines, celsius),
+            }
+        }));
+    }
+    chart(title, "time", "s", &series.times, panels)
+}
+
 /// Errors of the balances relative to what was stored or supplied, over time, with the limit that `perimelt verify` sets.
 pub(super) fn balance_chart(balance: &Series) -> Chart {
     /// errors of zero are drawn at this height of the logarithmic axis
     const NONE: f64 = 1e-17;
     let errors = balance.columns.iter().filter_map(|column| {
         let name = column.name.strip_suffix(RELATIVE_ERROR)?;
-        let values = column.values.iter().map(|x| x.abs().max(NONE)).collect();
-        Some((unit::pretty_name(name), values))
+        let values = column.values.iter().map(|error| error.abs().max(NONE));
+        Some((unit::pretty_name(name), values.collect()))
     });
-    let mut lines: Vec<(String, Vec<f64>)> = errors.collect();
-    if lines.is_empty() {
-        lines = computed_errors(balance);
-        let floor = |error: &mut f64| *error = error.max(NONE);
-        lines
-            .iter_mut()
-            .for_each(|(_, errors)| errors.iter_mut().for_each(floor));
-    }
-    let time = unit::time(balance.times.iter().fold(0.0, |last, t| t.max(last)));
+    let lines: Lines = errors.collect();
     let panel = |lines: &[(String, Vec<f64>)]| Panel {
         label: match lines {
             [(name, _)] => format!("relative error of {name}"),
@@ -42,34 +90,9 @@ pub(super) fn balance_chart(balance: &Series) -> Chart {
         limit: Some(("limit".into(), BALANCE_LIMIT)),
         ..Panel::default()
     };
-    Chart {
-        title: "Errors of the balances, relative to what was stored or supplied".into(),
-        horizontal_label: unit::label("time", time.unit),
-        horizontal: balance.times.iter().map(|t| t * time.factor).collect(),
-        panels: lines.chunks(LINES.len()).map(panel).collect(),
-    }
-}
-
-/// Relative errors for a log of an older version, which does not contain them: over the largest of what was stored or
-/// supplied up to each time.
-fn computed_errors(balance: &Series) -> Vec<(String, Vec<f64>)> {
-    let errors = balance.columns.iter().filter_map(|column| {
-        let quantity = column.name.strip_suffix(".error")?;
-        let part = |part: &str| {
-            let name = format!("{quantity}.{part}");
-            balance.columns.iter().find(|column| column.name == name)
-        };
-        let (stored, initial, supplied) = (part("stored")?, part("initial")?, part("supplied")?);
-        let mut size = 0.0_f64;
-        let error = |(row, error): (usize, &f64)| {
-            let excess = (stored.values[row] - initial.values[row]).abs();
-            size = size.max(excess).max(supplied.values[row].abs());
-            if size > 0.0 { error.abs() / size } else { 0.0 }
-        };
-        let values = column.values.iter().enumerate().map(error).collect();
-        Some((unit::pretty_name(quantity), values))
-    });
-    errors.collect()
+    let panels = lines.chunks(LINES.len()).map(panel).collect();
+    let title = "Errors of the balances, relative to what was stored or supplied".into();
+    chart(title, "time", "s", &balance.times, panels)
 }
 
 /// Values of a line probe over the distance from its start, at some of its times. The field and its component are not
@@ -81,38 +104,22 @@ pub(super) fn line_probe_chart(
     field: &str,
     celsius: bool,
 ) -> Chart {
-    let distances = series
-        .columns
-        .iter()
-        .map(|c| c.name.parse().unwrap_or(f64::NAN));
-    let distances: Vec<f64> = distances.collect();
-    let lengths = unit::length(distances.iter().fold(0.0, |longest, d| d.max(longest)));
-    let si_unit = series.columns.first().map_or("", |column| &column.unit);
-    let values = |row: usize| series.columns.iter().map(move |column| column.values[row]);
-    let finite = rows
-        .iter()
-        .flat_map(|row| values(*row))
-        .filter(|x| x.is_finite());
-    let largest = finite.fold(0.0_f64, |largest, x| largest.max(x.abs()));
-    let shown = Shown::new(si_unit, largest, celsius);
+    let columns = || series.columns.iter();
+    let distances: Vec<f64> = columns()
+        .map(|column| column.name.parse().unwrap_or(f64::NAN))
+        .collect();
+    let time = |row: usize| format!("t = {}", unit::time_text(series.times[row]));
     let line = |row: &usize| {
-        let name = format!("t = {}", unit::time_text(series.times[*row]));
-        (name, values(*row).map(|x| shown.of(x)).collect())
+        let values = columns().map(|column| column.values[*row]).collect();
+        (time(*row), values)
     };
     let title = match rows {
-        [row] => format!("{title}, t = {}", unit::time_text(series.times[*row])),
+        [row] => format!("{title}, {}", time(*row)),
         _ => title,
     };
-    Chart {
-        title,
-        horizontal_label: unit::label("distance", lengths.unit),
-        horizontal: distances.iter().map(|d| d * lengths.factor).collect(),
-        panels: vec![Panel {
-            label: unit::label(field, &shown.unit).trim().to_owned(),
-            lines: rows.iter().map(line).collect(),
-            ..Panel::default()
-        }],
-    }
+    let si = columns().next().map_or("", |column| &column.unit);
+    let panel = named_panel(field, si, rows.iter().map(line).collect(), celsius);
+    chart(title, "distance", "m", &distances, vec![panel])
 }
 
 /// A scalar along a one-dimensional body.
@@ -122,37 +129,13 @@ pub(super) fn line_chart(
     scalar: &Scalar,
     celsius: bool,
 ) -> Chart {
-    let mut order: Vec<usize> = (0..cloud.positions.len()).collect();
-    let x = |point: usize| cloud.positions[point][0];
-    order.sort_by(|&a, &b| x(a).total_cmp(&x(b)));
-    let lengths = unit::length(
-        order
-            .iter()
-            .fold(0.0_f64, |size, &point| size.max(x(point).abs())),
-    );
-    let largest = scalar
-        .values
-        .iter()
-        .fold(0.0_f64, |size, x| size.max(x.abs()));
-    let shown = Shown::new(&scalar.unit, largest, celsius);
-    let values = order
-        .iter()
-        .map(|&point| shown.of(scalar.values[point]))
-        .collect();
-    let label = unit::label(&scalar.label, &shown.unit);
-    Chart {
-        title,
-        horizontal_label: unit::label("x", lengths.unit),
-        horizontal: order
-            .iter()
-            .map(|&point| x(point) * lengths.factor)
-            .collect(),
-        panels: vec![Panel {
-            label,
-            lines: vec![(String::new(), values)],
-            ..Panel::default()
-        }],
-    }
+    let points = cloud.positions.iter().zip(&scalar.values);
+    let mut points: Vec<(f64, f64)> = points.map(|([x, ..], value)| (*x, *value)).collect();
+    points.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    let (places, values): (Vec<f64>, _) = points.into_iter().unzip();
+    let lines = vec![(String::new(), values)];
+    let panel = named_panel(&scalar.label, &scalar.unit, lines, celsius);
+    chart(title, "x", "m", &places, vec![panel])
 }
 
 /// Length, width and depth over time; empty if no point ever melts.
@@ -162,50 +145,30 @@ pub(super) fn melt_pool_chart(
     isotherm: Option<&Isotherm>,
     celsius: bool,
 ) -> Chart {
-    let pools = || survey.pools.iter().filter_map(|(_, pool, _)| *pool);
-    let Some(isotherm) = isotherm.filter(|_| pools().next().is_some()) else {
+    let pools = || survey.pools.iter().map(|(_, pool, _)| pool.as_ref());
+    let Some(isotherm) = isotherm.filter(|_| pools().any(|pool| pool.is_some())) else {
         return Chart::default();
     };
-    let shown = Shown::new("K", isotherm.temperature, celsius);
-    let lengths = unit::length(pools().fold(0.0, |size, pool| pool.length().max(size)));
-    let times = unit::time(
-        survey
-            .pools
-            .iter()
-            .fold(0.0, |last, (time, ..)| time.max(last)),
-    );
-    let mut lines = Vec::new();
-    let mut add = |name: &str, size: fn(&MeltPool) -> Option<f64>| {
-        if pools().any(|pool| size(&pool).is_some()) {
-            let value = |(_, pool, _): &(f64, Option<MeltPool>, [f64; 3])| {
-                pool.as_ref()
-                    .and_then(size)
-                    .map_or(f64::NAN, |size| size * lengths.factor)
-            };
-            lines.push((name.to_owned(), survey.pools.iter().map(value).collect()));
-        }
+    let line = |name: &str, size: fn(&MeltPool) -> Option<f64>| {
+        let sizes = || pools().map(|pool| pool.and_then(size));
+        let is_known = sizes().any(|size| size.is_some());
+        let values = sizes().map(|size| size.unwrap_or(f64::NAN)).collect();
+        is_known.then_some((name.to_owned(), values))
     };
-    add("length", |pool| Some(pool.length()));
-    add("width", |pool| pool.width);
-    add("depth", |pool| pool.depth);
-    Chart {
-        title: format!(
-            "Melt pool of {} ({} {} {})",
-            unit::pretty_name(&body.name),
-            isotherm.name_or_isotherm(),
-            unit::signed_number(shown.of(isotherm.temperature), 5),
-            shown.unit
-        ),
-        horizontal_label: unit::label("time", times.unit),
-        horizontal: survey
-            .pools
-            .iter()
-            .map(|(time, ..)| time * times.factor)
-            .collect(),
-        panels: vec![Panel {
-            label: unit::label("size", lengths.unit),
-            lines,
-            ..Panel::default()
-        }],
-    }
+    let lines = [
+        line("length", |pool| Some(pool.length())),
+        line("width", |pool| pool.width),
+        line("depth", |pool| pool.depth),
+    ];
+    let panel = named_panel("size", "m", lines.into_iter().flatten().collect(), false);
+    let shown = Shown::new("K", isotherm.temperature, celsius);
+    let title = format!(
+        "Melt pool of {} ({} {} {})",
+        unit::pretty_name(&body.name),
+        isotherm.name_or_isotherm(),
+        unit::signed_number(shown.of(isotherm.temperature), 5),
+        shown.unit
+    );
+    let times: Vec<f64> = survey.pools.iter().map(|(time, ..)| *time).collect();
+    chart(title, "time", "s", &times, vec![panel])
 }

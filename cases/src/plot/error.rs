@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use perimelt_core::log::LogError;
+use perimelt_plot::{AXES, Outside, PictureError};
 
-use super::args::PictureKind;
+use super::args::{PictureKind, name};
 use crate::argument::UnknownBody;
 use crate::moment::MomentError;
 use crate::quantity::scalar::ScalarError;
@@ -38,17 +39,14 @@ pub enum PlotError {
     /// A section beside a body.
     #[error(
         "`--section {axis}={at}` does not cut body `{body}`, which extends from {axis} = {} to {} m",
-        crate::unit::number(extent[0], 6), crate::unit::number(extent[1], 6)
+        crate::unit::number(outside.extent[0], 6), crate::unit::number(outside.extent[1], 6),
+        axis = AXES[outside.cut.axis], at = outside.cut.at
     )]
     SectionOutside {
-        /// name of the axis
-        axis: &'static str,
-        /// requested coordinate, m
-        at: f64,
         /// the body
         body: String,
-        /// first and last coordinate of the body, m
-        extent: [f64; 2],
+        /// section and extent of the body
+        outside: Outside,
     },
     /// Too few pixels for the letters.
     #[error(
@@ -65,7 +63,7 @@ pub enum PlotError {
     /// No picture of the requested kinds.
     #[error(
         "`--only {}`: the log has nothing of this kind to draw",
-        kinds.iter().map(PictureKind::name).collect::<Vec<_>>().join(",")
+        kinds.iter().map(name).collect::<Vec<_>>().join(",")
     )]
     NoneOfKind {
         /// the requested kinds
@@ -91,11 +89,11 @@ pub enum PlotError {
         source: std::io::Error,
     },
     /// A picture cannot be drawn.
-    #[error("cannot draw {}: {what}", path.display())]
+    #[error("cannot draw {}: {source}", path.display())]
     Drawing {
         /// where
         path: PathBuf,
         /// why not
-        what: String,
+        source: PictureError,
     },
 }

@@ -1,18 +1,13 @@
 //! Pictures of a field of a body: what belongs on each of them.
 
 use perimelt_core::log::{BodyInfo, LogError, LoggedCloud};
-
-use super::{
-    PlotError, Plotter,
-    args::{Cut, ValueRange},
-    axes::ChartAxis,
-    charts::line_chart,
-    curves::Chart,
-    picture::Picture,
-    scale::ColourScale,
-    section,
-    snapshot::Snapshot,
+use perimelt_plot::{
+    AXES, Cells, ChartAxis, ColourMap, ColourScale, Cut, Isoline, Picture, Snapshot, views,
 };
+
+use super::charts::line_chart;
+use super::{PlotError, Plotter, deformation};
+use crate::cell_grid::CellGrid;
 use crate::quantity::isotherm::{Isotherm, of_highest_temperatures};
 use crate::quantity::scalar::{Scalar, scalar};
 use crate::quantity::survey::{BodySurvey, Hottest, Reference, grid_of};
@@ -30,16 +25,10 @@ pub(super) struct FieldPlot<'a> {
     pub reference: Reference,
     pub cuts: Vec<Cut>,
     /// range of the colours in all pictures; by time without
-    pub range: Option<ValueRange>,
+    pub range: Option<[f64; 2]>,
     /// a box that is shown in any case, m
     pub extent: Option<[[f64; 3]; 2]>,
     pub is_film: bool,
-}
-
-/// A picture of a body, or the curve along one of one dimension.
-pub(super) enum Drawn {
-    Picture(Picture),
-    Chart(Chart),
 }
 
 impl Plotter<'_> {
@@ -87,115 +76,124 @@ impl Plotter<'_> {
         &self,
         plot: &FieldPlot<'_>,
         cloud: &LoggedCloud,
-    ) -> Result<Option<Drawn>, PlotError> {
+    ) -> Result<Option<Picture>, PlotError> {
         let body = plot.body;
         // a body without material is not drawn
         let Some(scalar) = scalar(cloud, plot.field).filter(|_| !cloud.positions.is_empty()) else {
             return Ok(None);
         };
-        let title = format!(
-            "{}, t = {}",
-            unit::pretty_name(&body.name),
-            unit::time_text(cloud.time)
-        );
+        let name = unit::pretty_name(&body.name);
+        let mut title = format!("{name}, t = {}", unit::time_text(cloud.time));
         if body.dimension == 1 {
             let chart = line_chart(title, cloud, &scalar, self.args.celsius);
-            return Ok(Some(Drawn::Chart(chart)));
+            return Ok(self.draw_chart(&chart));
         }
         let positions = plot.reference.positions(cloud);
         let grid = grid_of(body, cloud, &positions).ok_or_else(|| PlotError::Scattered {
             body: body.name.clone(),
             time: cloud.time,
         })?;
-        let views = section::views(&grid, body.dimension, &scalar.values, &plot.cuts).map_err(
-            |section::Outside { cut, extent }| PlotError::SectionOutside {
-                axis: super::args::AXES[cut.axis],
-                at: cut.at,
-                body: body.name.clone(),
-                extent,
-            },
-        )?;
-        let (scale, shown) = self.colours(plot, &scalar);
-        let factor = self.args.deform;
-        let displacement = factor.and_then(|factor| super::deformation(cloud, factor));
-        let deformed = match (&displacement, factor) {
-            (Some(_), Some(factor)) => format!(", deformed {} ×", unit::signed_number(factor, 4)),
-            _ => String::new(),
+        let cells = Cells {
+            origin: grid.origin,
+            spacing: grid.spacing,
+            counts: grid.cells,
+            covered: grid.covered().collect(),
         };
-        let mut snapshot = Snapshot {
+        let caption = |cut, letter| section_caption(&grid, cut, letter);
+        let views = views(&cells, body.dimension, &scalar.values, &plot.cuts, caption);
+        let views = views.map_err(|outside| PlotError::SectionOutside {
+            body: body.name.clone(),
+            outside,
+        })?;
+        let displacement = deformation(cloud, self.args.deform);
+        if let (Some(_), Some(factor)) = (&displacement, self.args.deform) {
+            title += &format!(", deformed {} ×", unit::signed_number(factor, 4));
+        }
+        let scale = self.scale(plot, &scalar);
+        let largest = scale.from.abs().max(scale.to.abs());
+        let shown = Shown::new(&scalar.unit, largest, self.args.celsius);
+        let label = unit::label(&scalar.label, &shown.unit);
+        let bar = ChartAxis::linear(shown.of(scale.from), shown.of(scale.to), label);
+        let snapshot = Snapshot {
             case: &self.title,
-            title: format!("{title}{deformed}"),
+            title,
             views: &views,
-            label: &scalar.label,
-            shown,
             scale,
-            isotherms: &plot.isotherms,
+            isolines: self.isolines(plot, scale, &bar, &shown),
+            bar,
             name_all: plot.is_film,
             displacement: displacement.as_deref(),
             extent: plot.extent,
             smooth: self.args.smooth,
+            length_unit: |size| {
+                let unit::Prefixed { factor, unit } = unit::length(size);
+                (factor, unit)
+            },
         };
-        let round = self.round_isotherms(plot, &snapshot);
-        if let Some(round) = &round {
-            snapshot.isotherms = round;
-        }
-        let picture = snapshot.draw(self.layout_width).scaled_to(self.args.width);
-        Ok(Some(Drawn::Picture(picture)))
+        let picture = snapshot.draw(self.layout_width);
+        Ok(Some(picture.scaled_to(self.args.width)))
     }
 
-    /// Colours and unit of the values of a picture.
-    fn colours(&self, plot: &FieldPlot<'_>, scalar: &Scalar) -> (ColourScale, Shown) {
-        let celsius = self.args.celsius;
-        let asked = self.args.range.map(|range| {
-            // temperatures are given as they are shown, other values in SI units
-            let kelvin = Shown::new(&scalar.unit, 0.0, celsius && scalar.unit == "K");
-            let si = |x: f64| {
-                if scalar.unit == "K" {
-                    kelvin.inverse(x)
-                } else {
-                    x
-                }
-            };
-            ValueRange {
-                from: si(range.from),
-                to: si(range.to),
-            }
+    /// Colours of the values of a picture.
+    pub(super) fn scale(&self, plot: &FieldPlot<'_>, scalar: &Scalar) -> ColourScale {
+        let map = match plot.field {
+            "temperature" => ColourMap::Inferno,
+            _ => ColourMap::Viridis,
+        };
+        // temperatures are given as they are shown, other values in SI units
+        let kelvin = Shown::new("K", 0.0, self.args.celsius);
+        let asked = self.args.range.map(|range| match &*scalar.unit {
+            "K" => range.map(|x| kelvin.inverse(x)),
+            _ => range,
         });
-        let scale = match asked.or(plot.range) {
-            Some(range) if asked.is_some() => ColourScale::asked(plot.field, range),
-            Some(range) => ColourScale::new(plot.field, range.from, range.to),
-            None => ColourScale::of(plot.field, &scalar.values),
-        };
-        let largest = scale.from.abs().max(scale.to.abs());
-        (scale, Shown::new(&scalar.unit, largest, celsius))
+        match (asked, plot.range) {
+            (Some(range), _) => ColourScale::asked(map, range),
+            (None, Some(range)) => ColourScale::new(map, range),
+            (None, None) => ColourScale::of(map, &scalar.values),
+        }
     }
 
-    /// Isotherms at round temperatures for a picture that would have none: of a body that is nowhere molten.
-    fn round_isotherms(
+    /// The isotherms of a picture; round temperatures where it would have none, of a body that is nowhere molten.
+    fn isolines(
         &self,
         plot: &FieldPlot<'_>,
-        snapshot: &Snapshot<'_>,
-    ) -> Option<Vec<Isotherm>> {
+        scale: ColourScale,
+        bar: &ChartAxis,
+        shown: &Shown,
+    ) -> Vec<Isoline> {
         /// range of temperatures below which isotherms show nothing, K
         const LEAST: f64 = 1.0;
-        let ColourScale { from, to, .. } = snapshot.scale;
-        let is_needed = plot.field == "temperature"
+        let ColourScale { from, to, .. } = scale;
+        let isoline = |name: &str, value: f64| {
+            let number = unit::signed_number(shown.of(value), 5);
+            let name = format!("{name} {number} {}", shown.unit);
+            let name = name.trim().to_owned();
+            Isoline { name, value }
+        };
+        let is_shown =
+            |isotherm: &Isotherm| from < isotherm.temperature && isotherm.temperature < to;
+        let needs_round = plot.field == "temperature"
             && self.args.isotherm.is_empty()
             && !plot.is_film
             && to - from > LEAST
-            && plot
-                .isotherms
-                .iter()
-                .all(|i| !(from < i.temperature && i.temperature < to));
-        if !is_needed {
-            return None;
+            && !plot.isotherms.iter().any(is_shown);
+        if needs_round {
+            let ticks = bar.ticks(5.0).into_iter();
+            return ticks
+                .map(|(number, _)| isoline("", shown.inverse(number)))
+                .collect();
         }
-        let shown = |value: f64| snapshot.shown.of(value);
-        let ticks = ChartAxis::linear(shown(from), shown(to), "").ticks(5.0);
-        let isotherm = |(number, _): (f64, String)| Isotherm {
-            name: String::new(),
-            temperature: snapshot.shown.inverse(number),
-        };
-        Some(ticks.into_iter().map(isotherm).collect())
+        let isotherms = plot.isotherms.iter();
+        isotherms
+            .map(|isotherm| isoline(&isotherm.name, isotherm.temperature))
+            .collect()
     }
+}
+
+/// `section A, y = 1.5 mm`.
+fn section_caption(grid: &CellGrid, Cut { axis, at }: Cut, letter: char) -> String {
+    let extent = grid.cells[axis] as f64 * grid.spacing;
+    let unit::Prefixed { factor, unit } = unit::length(extent.max(at.abs()));
+    let number = unit::signed_number(at * factor, 4);
+    format!("section {letter}, {} = {number} {unit}", AXES[axis])
 }

@@ -40,59 +40,48 @@ interval = 0.2
 /// Half a plate (3D, cut at y = 0, `cells` of 0.25 mm, its surface at z = 0) and a plane sheet,
 /// with temperature and displacement at six times 0, 0.2 s, ... 1 s.
 pub(crate) fn write_log(path: &Path, cells: [usize; 3]) {
-    let mut run = RunInfo {
+    let field = |name: &str, unit: &str, components| FieldInfo {
+        name: name.into(),
+        unit: unit.into(),
+        components,
+    };
+    let [nx, ny, _] = cells;
+    let bodies = [("plate", 3, cells), ("sheet", 2, [nx, 2 * ny, 1])];
+    let info = bodies.map(|(name, dimension, cells)| BodyInfo {
+        name: name.into(),
+        dimension,
+        spacing: SPACING,
+        thickness: 1e-3,
+        points: cells.iter().product(),
+        fields: vec![field("temperature", "K", 1), field("displacement", "m", 3)],
+        ..BodyInfo::default()
+    });
+    let run = RunInfo {
         version: "test".into(),
         threads: 1,
+        bodies: info.into(),
         ..RunInfo::default()
     };
-    let sheet_cells = [cells[0], 2 * cells[1], 1];
-    for (name, cells) in [("plate", cells), ("sheet", sheet_cells)] {
-        let field = |name: &str, unit: &str, components| FieldInfo {
-            name: name.into(),
-            unit: unit.into(),
-            components,
-        };
-        run.bodies.push(BodyInfo {
-            name: name.into(),
-            dimension: if cells[2] > 1 { 3 } else { 2 },
-            spacing: SPACING,
-            thickness: 1e-3,
-            points: cells.iter().product(),
-            symmetry: Vec::new(),
-            lattice: None,
-            fields: vec![field("temperature", "K", 1), field("displacement", "m", 3)],
-        });
-    }
     let mut writer = Writer::create(path, &run, "spot.toml", CASE).expect("a new file");
     for step in 0..TIMES {
         let time = 0.2 * step as f64;
-        for body in &run.bodies {
-            let cells = if body.dimension == 3 {
-                cells
-            } else {
-                sheet_cells
+        for (name, dimension, cells) in bodies {
+            let (positions, temperature, displacement) = state(cells, dimension, time);
+            let field = |name, components, values| FieldView {
+                name,
+                components,
+                values,
             };
-            let (positions, temperature, displacement) = state(cells, body.dimension, time);
-            let fields = [
-                FieldView {
-                    name: "temperature",
-                    components: 1,
-                    values: &temperature,
-                },
-                FieldView {
-                    name: "displacement",
-                    components: 3,
-                    values: &displacement,
-                },
-            ];
             let cloud = CloudView {
                 time,
                 positions: &positions,
-                fields: &fields,
+                fields: &[
+                    field("temperature", 1, &temperature),
+                    field("displacement", 3, &displacement),
+                ],
             };
-            writer
-                .points(&body.name, Precision::F64, &cloud)
-                .expect("written");
+            let written = writer.points(name, Precision::F64, &cloud);
+            written.expect("written");
         }
         write_series(&mut writer, step as u64, time);
     }
@@ -131,12 +120,10 @@ fn state(cells: [usize; 3], dimension: usize, time: f64) -> (Vec<[f64; 3]>, Vec<
     let [nx, ny, nz] = cells;
     let spot = (0.3 + 0.4 * time) * nx as f64 * SPACING;
     let (mut positions, mut temperature, mut displacement) = (Vec::new(), Vec::new(), Vec::new());
-    let y_start = if dimension == 3 {
-        0.0
-    } else {
-        -0.5 * ny as f64
+    let (y_start, z_start) = match dimension {
+        3 => (0.0, -(nz as f64)),
+        _ => (-0.5 * ny as f64, -0.5),
     };
-    let z_start = if dimension == 3 { -(nz as f64) } else { -0.5 };
     for k in 0..nz {
         for j in 0..ny {
             for i in 0..nx {
@@ -150,11 +137,8 @@ fn state(cells: [usize; 3], dimension: usize, time: f64) -> (Vec<[f64; 3]>, Vec<
                 let heat = (-0.9 * r2.sqrt().powf(1.5)).exp() * (time / 0.2).min(1.0);
                 temperature.push(300.0 + 2100.0 * heat);
                 let stretch = 6e-5 * time;
-                let [u, v, w] = [
-                    stretch * (x * 150.0).sin(),
-                    -2e-2 * stretch,
-                    2.0 * stretch * heat,
-                ];
+                let (u, v, w) = ((x * 150.0).sin(), -2e-2, 2.0 * heat);
+                let [u, v, w] = [u, v, w].map(|part| stretch * part);
                 displacement.extend([u, v, w]);
                 positions.push([x + u, y + v, z + w]);
             }

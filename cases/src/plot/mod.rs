@@ -14,47 +14,37 @@
 //! With `--film` it writes one animated picture instead.
 
 mod args;
-mod axes;
-mod charts;
-pub(crate) mod colour;
-mod contour;
-pub(crate) mod curves;
+pub(crate) mod charts;
 mod error;
 mod fields;
 mod film;
 #[cfg(test)]
 pub(crate) mod fixture;
-mod heading;
-mod layout;
-mod palette;
-mod picture;
-mod scale;
-mod section;
-mod smooth;
-mod snapshot;
 
-use std::path::PathBuf;
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud, Series};
+use perimelt_plot::{Chart, DENSITY, Picture};
 
 use crate::argument;
 use crate::case::of_log::case_of;
 use crate::file_names::FileNames;
 use crate::log_file::open_log;
 use crate::moment::{note_other_times, states_at};
-use crate::output::{beside, create_folder};
+use crate::output::{beside, create_folder, write_whole};
 use crate::probe::ProbeKind;
 use crate::probe::is_line;
 use crate::quantity::isotherm;
 use crate::quantity::scalar::{check_scalars, scalar};
-use crate::quantity::survey::{BodySurvey, survey};
+use crate::quantity::survey::{BodySurvey, displacement, survey};
+use crate::terminal::clean;
 use crate::unit;
-pub use args::{Cut, PictureFormat, PictureKind, PlotArgs, ValueRange};
-use charts::{balance_chart, line_probe_chart, melt_pool_chart};
-use curves::Chart;
+pub use args::{PictureFormat, PictureKind, PlotArgs};
+use charts::{balance_chart, line_probe_chart, melt_pool_chart, series_chart};
 pub use error::PlotError;
-use fields::{Drawn, FieldPlot};
-use picture::Picture;
+use fields::FieldPlot;
 
 /// A file with a picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -76,9 +66,9 @@ fn layout_width(args: &PlotArgs) -> Result<u32, PlotError> {
     let Some(dpi) = args.dpi else {
         return Ok(args.width.min(USUAL_WIDTH));
     };
-    let width = (f64::from(args.width) * picture::DENSITY / f64::from(dpi)).round() as u32;
+    let width = (f64::from(args.width) * DENSITY / f64::from(dpi)).round() as u32;
     if width < LEAST_WIDTH {
-        let least = f64::from(LEAST_WIDTH) * f64::from(dpi) / picture::DENSITY;
+        let least = f64::from(LEAST_WIDTH) * f64::from(dpi) / DENSITY;
         return Err(PlotError::Narrow {
             width: args.width,
             dpi,
@@ -182,25 +172,19 @@ impl Plotter<'_> {
         let middle = survey.middle().map(|hottest| hottest.index);
         let half_way = |field: &str| middle.filter(|_| field == "temperature");
         for field in &fields {
-            let mut wanted: Vec<usize> = if !self.args.at.is_empty() {
-                states_at(times, &self.args.at)?
-            } else if field == fields::HIGHEST_TEMPERATURES {
+            let last = times.len() - 1;
+            let wanted: BTreeSet<usize> = match &self.args.at[..] {
                 // the macrograph is complete at the end only
-                vec![times.len() - 1]
-            } else {
-                survey
-                    .peak
-                    .get(field)
-                    .copied()
-                    .into_iter()
-                    .chain(half_way(field))
-                    .chain([times.len() - 1])
-                    .collect()
+                [] if field == fields::HIGHEST_TEMPERATURES => [last].into(),
+                [] => {
+                    let peak = survey.peak.get(field).copied();
+                    let chosen = peak.into_iter().chain(half_way(field)).chain([last]);
+                    chosen.collect()
+                }
+                at => states_at(times, at)?.into_iter().collect(),
             };
-            wanted.sort_unstable();
-            wanted.dedup();
             let plot = self.field_plot(body, field, &isotherms, &survey)?;
-            self.plot_field(plot, &wanted, &survey)?;
+            self.plot_field(plot, wanted, &survey)?;
         }
         if !self.wants(PictureKind::MeltPool) {
             return Ok(());
@@ -212,22 +196,17 @@ impl Plotter<'_> {
     /// The temperatures of the requested isotherms, K.
     fn isotherms(&self) -> Vec<f64> {
         let celsius = unit::Shown::new("K", 0.0, self.args.celsius);
-        self.args
-            .isotherm
-            .iter()
-            .map(|t| celsius.inverse(*t))
-            .collect()
+        let asked = self.args.isotherm.iter();
+        asked.map(|t| celsius.inverse(*t)).collect()
     }
 
     /// The fields of a cloud to draw.
     fn fields(&self, cloud: &LoggedCloud) -> Vec<String> {
         let there = |name: &&str| scalar(cloud, name).is_some();
-        let asked: Vec<&str> = self.args.field.iter().map(String::as_str).collect();
-        let wanted = if asked.is_empty() {
-            vec!["temperature", fields::HIGHEST_TEMPERATURES, "displacement"]
-        } else {
-            asked
-        };
+        let mut wanted: Vec<&str> = self.args.field.iter().map(String::as_str).collect();
+        if wanted.is_empty() {
+            wanted = vec!["temperature", fields::HIGHEST_TEMPERATURES, "displacement"];
+        }
         let mut chosen: Vec<String> = wanted.into_iter().filter(there).map(String::from).collect();
         if chosen.is_empty() && self.args.field.is_empty() {
             chosen.extend(cloud.fields.first().map(|field| field.name.clone()));
@@ -239,26 +218,20 @@ impl Plotter<'_> {
     fn plot_field(
         &mut self,
         mut plot: FieldPlot<'_>,
-        wanted: &[usize],
+        wanted: BTreeSet<usize>,
         survey: &BodySurvey,
     ) -> Result<(), PlotError> {
-        for &index in wanted {
+        for index in wanted {
             plot.cuts = self.cuts(survey.hottest_of(index));
             let cloud = match self.log.cloud(&plot.body.name, index) {
                 // the survey has reported it
                 Err(LogError::Damaged { .. }) => continue,
                 cloud => cloud?,
             };
-            let name = format!(
-                "{}-{}-{}",
-                plot.body.name,
-                plot.field,
-                unit::time_text(cloud.time)
-            );
-            match self.draw_field(&plot, &cloud)? {
-                Some(Drawn::Picture(picture)) => self.write(&name, &picture)?,
-                Some(Drawn::Chart(chart)) => self.write_chart(&name, &chart)?,
-                None => {}
+            let time = unit::time_text(cloud.time);
+            let name = format!("{}-{}-{time}", plot.body.name, plot.field);
+            if let Some(picture) = self.draw_field(&plot, &cloud)? {
+                self.write(&name, &picture)?;
             }
         }
         Ok(())
@@ -271,16 +244,14 @@ impl Plotter<'_> {
         let title = unit::pretty_name(name);
         let columns = series.columns.iter().map(|column| column.name.as_str());
         if !is_line(columns) || series.times.is_empty() {
-            return Ok(Chart::of_series(title, series, self.args.celsius));
+            return Ok(series_chart(title, series, self.args.celsius));
         }
-        let mut rows: Vec<usize> = if self.args.at.is_empty() {
-            let last = series.times.len() - 1;
-            (1..=TIMES).map(|part| part * last / TIMES).collect()
-        } else {
-            states_at(&series.times, &self.args.at)?
+        let last = series.times.len() - 1;
+        let rows: BTreeSet<usize> = match &self.args.at[..] {
+            [] => (1..=TIMES).map(|part| part * last / TIMES).collect(),
+            at => states_at(&series.times, at)?.into_iter().collect(),
         };
-        rows.sort_unstable();
-        rows.dedup();
+        let rows = Vec::from_iter(rows);
         let field = self.probed_field(name).unwrap_or_default();
         let celsius = self.args.celsius;
         Ok(line_probe_chart(title, series, &rows, &field, celsius))
@@ -299,32 +270,64 @@ impl Plotter<'_> {
         })
     }
 
+    /// A chart of the width of the pictures; `None` if it would be empty.
+    fn draw_chart(&self, chart: &Chart) -> Option<Picture> {
+        let picture = chart.draw(&self.title, self.layout_width)?;
+        Some(picture.scaled_to(self.args.width))
+    }
+
     fn write_chart(&mut self, name: &str, chart: &Chart) -> Result<(), PlotError> {
-        match chart.draw(&self.title, self.layout_width) {
-            Some(picture) => self.write(name, &picture.scaled_to(self.args.width)),
+        match self.draw_chart(chart) {
+            Some(picture) => self.write(name, &picture),
             None => Ok(()),
         }
     }
 
     fn write(&mut self, name: &str, picture: &Picture) -> Result<(), PlotError> {
-        let extension = self.args.format.extension();
-        let path = self.out.join(self.names.of(name, extension));
-        let unchanged = !picture.write(&path, self.args.format)?;
+        let extension = args::name(&self.args.format);
+        let path = self.out.join(self.names.of(name, &extension));
+        let unchanged = !write_picture(picture, &path, self.args.format)?;
         self.written.push(Plotted { path, unchanged });
         Ok(())
     }
 }
 
-/// Displacements (m) times `factor`; `None` for a body without.
-fn deformation(cloud: &LoggedCloud, factor: f64) -> Option<Vec<[f64; 3]>> {
-    let field = cloud
-        .fields
-        .iter()
-        .find(|f| f.name == "displacement" && f.components == 3)?;
+/// Writes a picture, unless the file shows it already; whether it was written.
+///
+/// # Errors
+/// The picture cannot be drawn, or the file cannot be written.
+pub(crate) fn write_picture(
+    picture: &Picture,
+    path: &Path,
+    format: PictureFormat,
+) -> Result<bool, PlotError> {
+    let file = match format {
+        PictureFormat::Png => picture.png(),
+        // titles and names of others
+        PictureFormat::Svg => picture.svg().map(|text| clean(&text).into_bytes()),
+    };
+    let file = file.map_err(|source| PlotError::Drawing {
+        path: path.into(),
+        source,
+    })?;
+    if std::fs::read(path).is_ok_and(|found| found == file) {
+        return Ok(false);
+    }
+    let written = write_whole(path, |to| to.write_all(&file));
+    written.map_err(|source| PlotError::Io {
+        action: "write",
+        path: path.into(),
+        source,
+    })?;
+    Ok(true)
+}
+
+/// Displacements (m) times a factor; `None` without a factor, or for a body without displacements.
+fn deformation(cloud: &LoggedCloud, factor: Option<f64>) -> Option<Vec<[f64; 3]>> {
+    let factor = factor?;
+    let displacements = displacement(cloud)?;
     Some(
-        field
-            .values
-            .chunks_exact(3)
+        displacements
             .map(|u| [u[0], u[1], u[2]].map(|x| factor * x))
             .collect(),
     )

@@ -257,7 +257,7 @@ fn is_near(a: &[f64; 3], b: &[f64; 3], spacing: f64) -> bool {
 }
 
 /// Logged displacement of each point, m.
-fn displacement(cloud: &LoggedCloud) -> Option<std::slice::ChunksExact<'_, f64>> {
+pub(crate) fn displacement(cloud: &LoggedCloud) -> Option<std::slice::ChunksExact<'_, f64>> {
     let mut fields = cloud.fields.iter();
     let field = fields.find(|field| field.name == DISPLACEMENT && field.components == 3)?;
     Some(field.values.chunks_exact(3))

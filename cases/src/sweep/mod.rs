@@ -16,7 +16,7 @@ use crate::case::of_log::early_end;
 use crate::case::{Case, CaseError};
 use crate::melt_pool::Travel;
 use crate::output::{LogPlace, create_folder, write_whole};
-use crate::plot::{PictureFormat, PlotError};
+use crate::plot::{PictureFormat, PlotError, write_picture};
 use crate::summary::{SummaryOptions, read_off};
 use crate::terminal::tell;
 use crate::unit::duration;
@@ -185,9 +185,7 @@ pub fn sweep(args: &SweepArgs, out: &mut dyn io::Write) -> Result<(), Box<dyn st
     let chart = picture::chart(&table, "numbers read off the runs", &choice)?;
     if let Some(drawn) = chart.and_then(|chart| chart.draw(title, WIDTH)) {
         let path = folder.join("sweep.svg");
-        drawn
-            .write(&path, PictureFormat::Svg)
-            .map_err(SweepError::from)?;
+        write_picture(&drawn, &path, PictureFormat::Svg).map_err(SweepError::from)?;
         writeln!(out, "{}", path.display())?;
     }
     if failed + interrupted > 0 {

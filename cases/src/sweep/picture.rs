@@ -1,11 +1,11 @@
 //! The numbers read off the runs of a sweep, drawn over the value that varies, with formulas to compare them with.
 
 use perimelt_core::Formula;
+use perimelt_plot::{Chart, Panel};
 
 use super::SweepError;
 use super::table::{SweepRow, SweepTable};
-use crate::plot::curves::{Chart, Panel};
-use crate::unit::Shown;
+use crate::plot::charts;
 
 /// A formula with which a number read off is compared, from `quantity=formula`.
 #[derive(Clone, Debug)]
@@ -141,21 +141,11 @@ pub fn chart(
 }
 
 /// Lines in SI units, in the unit that suits their size.
-fn panel(row: &SweepRow, mut lines: Vec<(String, Vec<f64>)>) -> Panel {
-    let finite = lines.iter().flat_map(|(_, values)| values);
-    let largest = finite
-        .filter(|v| v.is_finite())
-        .fold(0.0, |largest: f64, v| largest.max(v.abs()));
-    let shown = Shown::new(&row.unit, largest, false);
-    for value in lines.iter_mut().flat_map(|(_, values)| values) {
-        *value = shown.of(*value);
-    }
+fn panel(row: &SweepRow, lines: Vec<(String, Vec<f64>)>) -> Panel {
     Panel {
         title: row.name.clone(),
         has_dots: true,
-        label: shown.unit.clone(),
-        lines,
-        ..Panel::default()
+        ..charts::panel(&row.unit, lines, false)
     }
 }
 

@@ -4,14 +4,15 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use perimelt_plot::{Chart, Panel};
+
 use super::VerifyError;
 use super::check::{Check, Measure};
 use super::results::{Recorded, Results, Session, file_error};
 use super::table::{HEADINGS, Outcome};
 use crate::case::Case;
 use crate::file_names::file_name;
-use crate::plot::PictureFormat;
-use crate::plot::curves::{Chart, Panel};
+use crate::plot::{PictureFormat, write_picture};
 use crate::unit;
 
 const STYLE: &str = include_str!("html.css");
@@ -130,8 +131,7 @@ fn section(
         };
         let file = format!("{PLOTS}/{}-{}.svg", file_name(name), number + 1);
         let path = folder.join(&file);
-        picture
-            .write(&path, PictureFormat::Svg)
+        write_picture(&picture, &path, PictureFormat::Svg)
             .map_err(|e| file_error(&path, "cannot be written", e.into()))?;
         let _ = writeln!(
             text,

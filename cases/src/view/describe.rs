@@ -1,6 +1,7 @@
 //! Description of a run for the page, as JSON.
 
 use perimelt_core::log::{BodyInfo, Ending, Log, LogError, Series};
+use perimelt_plot::{ColourMap, LINES};
 use serde_json::{Value, json};
 
 use super::store::{Pools, Store};
@@ -8,7 +9,6 @@ use crate::case::of_log::{case_of, early_end};
 use crate::component::Number;
 use crate::log_names::{REPORTS, SPACING};
 use crate::melt_pool::{LoggedSources, SourceState, Travel};
-use crate::plot::colour::{ColourMap, LINES};
 use crate::quantity::isotherm::Isotherm;
 use crate::summary::{SIZES, Size};
 use crate::unit::duration;

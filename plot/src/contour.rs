@@ -4,7 +4,9 @@
 //! At a face between two cells the value is their mean. At a face of the surface it goes to `(9 v1 - v2) / 8`, the surface
 //! value of a face without gradient, so that lines reach the outer faces and those of cut corners alike.
 
-use super::section::Raster;
+use std::collections::{HashMap, VecDeque};
+
+use crate::section::Raster;
 
 /// End points of a piece of a line, m.
 pub(crate) type Segment = [[f64; 2]; 2];
@@ -12,28 +14,31 @@ pub(crate) type Segment = [[f64; 2]; 2];
 /// The squares of a cell: on which side of its centre they lie, counter-clockwise.
 const SQUARES: [[i64; 2]; 4] = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
 
-/// Pieces of the line `value = level`; cells without a finite value have none.
-pub(crate) fn contour(raster: &Raster, level: f64) -> Vec<Segment> {
+/// Lines `value = level`; cells without a finite value have none.
+pub(crate) fn contour(raster: &Raster, level: f64) -> Vec<Vec<[f64; 2]>> {
+    joined(&segments(raster, level))
+}
+
+/// Pieces of the line `value = level`.
+fn segments(raster: &Raster, level: f64) -> Vec<Segment> {
     let mut segments = Vec::new();
-    for j in 0..raster.cells[1] {
-        for i in 0..raster.cells[0] {
-            let cell = [i as i64, j as i64];
-            if finite(raster, cell).is_none() {
-                continue;
+    let [nx, ny] = raster.cells;
+    for cell in (0..ny).flat_map(|j| (0..nx).map(move |i| [i, j])) {
+        let Some(values) = cell_values(raster, cell) else {
+            continue;
+        };
+        for [x, y] in SQUARES {
+            let mut corners = [[0, 0], [x, 0], [x, y], [0, y]];
+            if x != y {
+                corners.swap(1, 3);
             }
-            for [x, y] in SQUARES {
-                let mut corners = [[0, 0], [x, 0], [x, y], [0, y]];
-                if x != y {
-                    corners.swap(1, 3);
-                }
-                let values = corners.map(|corner| corner_value(raster, cell, corner));
-                let centre = raster.centre([i, j]);
-                let place = |corner: [i64; 2]| {
-                    let half = 0.5 * raster.spacing;
-                    [0, 1].map(|axis| centre[axis] + half * corner[axis] as f64)
-                };
-                march(corners.map(place), values, level, &mut segments);
-            }
+            let values = corners.map(|[x, y]| values[(x + 1) as usize][(y + 1) as usize]);
+            let centre = raster.centre(cell);
+            let place = |corner: [i64; 2]| {
+                let half = 0.5 * raster.spacing;
+                [0, 1].map(|axis| centre[axis] + half * corner[axis] as f64)
+            };
+            march(corners.map(place), values, level, &mut segments);
         }
     }
     segments
@@ -71,7 +76,7 @@ fn march(corners: [[f64; 2]; 4], values: [f64; 4], level: f64, segments: &mut Ve
 fn finite(raster: &Raster, [i, j]: [i64; 2]) -> Option<f64> {
     let [nx, ny] = raster.cells.map(|count| count as i64);
     let is_inside = (0..nx).contains(&i) && (0..ny).contains(&j);
-    let value = is_inside.then(|| raster.value(i as usize, j as usize))?;
+    let value = is_inside.then(|| raster.value([i as usize, j as usize]))?;
     value.is_finite().then_some(value)
 }
 
@@ -84,63 +89,58 @@ fn beside(raster: &Raster, from: [i64; 2], to: [i64; 2]) -> Option<f64> {
 }
 
 /// Value in the middle of the face of a cell on a side of an axis.
-fn face_value(raster: &Raster, cell: [i64; 2], axis: usize, side: i64) -> Option<f64> {
-    let value = finite(raster, cell)?;
+fn face_value(raster: &Raster, cell: [i64; 2], axis: usize, side: i64) -> f64 {
+    let Some(value) = finite(raster, cell) else {
+        return f64::NAN;
+    };
     let neighbour = |side: i64| {
         let mut other = cell;
         other[axis] += side;
         beside(raster, cell, other)
     };
-    Some(match (neighbour(side), neighbour(-side)) {
+    match (neighbour(side), neighbour(-side)) {
         (Some(next), _) => 0.5 * (value + next),
         (None, Some(opposite)) => value + (value - opposite) / 8.0,
         (None, None) => value,
-    })
+    }
 }
 
 /// Values at the corners, in the middles of the faces and in the centre of a cell, by their side of the centre (-1, 0, 1) plus 1
 /// along both axes; `None` for a cell without a finite value.
-pub(super) fn cell_values(raster: &Raster, [i, j]: [usize; 2]) -> Option<[[f64; 3]; 3]> {
+pub(crate) fn cell_values(raster: &Raster, [i, j]: [usize; 2]) -> Option<[[f64; 3]; 3]> {
     let cell = [i as i64, j as i64];
-    finite(raster, cell)?;
-    Some([-1, 0, 1].map(|x| [-1, 0, 1].map(|y| corner_value(raster, cell, [x, y]))))
+    let centre = finite(raster, cell)?;
+    let value = |x: i64, y: i64| match [x, y] {
+        [0, 0] => centre,
+        [x, 0] => face_value(raster, cell, 0, x),
+        [0, y] => face_value(raster, cell, 1, y),
+        corner => corner_value(raster, cell, corner),
+    };
+    Some([-1, 0, 1].map(|x| [-1, 0, 1].map(|y| value(x, y))))
 }
 
-/// Value in a corner of a square: the centre of the cell (0, 0), the middle of a face, or a corner of the cell. There it is the
-/// mean of what the cells around it extrapolate.
-fn corner_value(raster: &Raster, cell: [i64; 2], corner: [i64; 2]) -> f64 {
-    let of_face = |cell, axis, side| face_value(raster, cell, axis, side).unwrap_or(f64::NAN);
-    match corner {
-        [0, 0] => finite(raster, cell).unwrap_or(f64::NAN),
-        [x, 0] => of_face(cell, 0, x),
-        [0, y] => of_face(cell, 1, y),
-        [x, y] => {
-            // in the order of the raster, so that all of these cells find the same sum
-            let sides = |side: i64| if side < 0 { [-1, 0] } else { [0, 1] };
-            let around = sides(y).into_iter().flat_map(|j| sides(x).map(|i| [i, j]));
-            let extrapolated = around.filter_map(|[i, j]| {
-                let other = [cell[0] + i, cell[1] + j];
-                let value = beside(raster, cell, other)?;
-                // the side of that cell on which the corner lies
-                let [x, y] = [x - 2 * i, y - 2 * j];
-                Some(of_face(other, 0, x) + of_face(other, 1, y) - value)
-            });
-            let (sum, count) = extrapolated.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
-            sum / count
-        }
-    }
+/// Value in a corner of a cell: the mean of what the cells around it extrapolate.
+fn corner_value(raster: &Raster, cell: [i64; 2], [x, y]: [i64; 2]) -> f64 {
+    // in the order of the raster, so that all of these cells find the same sum
+    let sides = |side: i64| if side < 0 { [-1, 0] } else { [0, 1] };
+    let around = sides(y).into_iter().flat_map(|j| sides(x).map(|i| [i, j]));
+    let extrapolated = around.filter_map(|[i, j]| {
+        let other = [cell[0] + i, cell[1] + j];
+        let value = beside(raster, cell, other)?;
+        // the side of that cell on which the corner lies
+        let [x, y] = [x - 2 * i, y - 2 * j];
+        Some(face_value(raster, other, 0, x) + face_value(raster, other, 1, y) - value)
+    });
+    let (sum, count) = extrapolated.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+    sum / count
 }
 
 /// Pieces joined end to end into as few lines as possible.
-pub(crate) fn joined(segments: &[Segment]) -> Vec<Vec<[f64; 2]>> {
-    use std::collections::HashMap;
+fn joined(segments: &[Segment]) -> Vec<Vec<[f64; 2]>> {
     // both squares beside an edge compute its crossing from the same two values, but in opposite
     // directions, so ends agree to rounding only
-    let size = segments
-        .iter()
-        .flatten()
-        .flatten()
-        .fold(0.0_f64, |size, x| size.max(x.abs()));
+    let coordinates = segments.iter().flatten().flatten();
+    let size = coordinates.fold(0.0_f64, |size, x| size.max(x.abs()));
     let grain = size.max(f64::MIN_POSITIVE) * 1e-9;
     let key = |point: [f64; 2]| point.map(|x| (x / grain).round() as i64);
     let mut ends: HashMap<[i64; 2], Vec<usize>> = HashMap::new();
@@ -150,33 +150,25 @@ pub(crate) fn joined(segments: &[Segment]) -> Vec<Vec<[f64; 2]>> {
         }
     }
     let mut used = vec![false; segments.len()];
+    // the far end of an unused piece that begins or ends at a point
+    let next = |used: &mut [bool], end: [f64; 2]| {
+        let mut beside = ends.get(&key(end)).into_iter().flatten();
+        let &next = beside.find(|&&index| !used[index])?;
+        used[next] = true;
+        let [a, b] = segments[next];
+        Some(if key(a) == key(end) { b } else { a })
+    };
     let mut lines = Vec::new();
     for start in 0..segments.len() {
-        if used[start] {
+        if std::mem::replace(&mut used[start], true) {
             continue;
         }
-        used[start] = true;
-        let mut line = std::collections::VecDeque::from(segments[start]);
-        for forwards in [true, false] {
-            loop {
-                let end = if forwards {
-                    line[line.len() - 1]
-                } else {
-                    line[0]
-                };
-                let beside = ends.get(&key(end)).into_iter().flatten();
-                let Some(&next) = beside.into_iter().find(|&&index| !used[index]) else {
-                    break;
-                };
-                used[next] = true;
-                let [a, b] = segments[next];
-                let far = if key(a) == key(end) { b } else { a };
-                if forwards {
-                    line.push_back(far)
-                } else {
-                    line.push_front(far)
-                }
-            }
+        let mut line = VecDeque::from(segments[start]);
+        while let Some(end) = next(&mut used, line[line.len() - 1]) {
+            line.push_back(end);
+        }
+        while let Some(end) = next(&mut used, line[0]) {
+            line.push_front(end);
         }
         lines.push(line.into());
     }
@@ -187,35 +179,9 @@ pub(crate) fn joined(segments: &[Segment]) -> Vec<Vec<[f64; 2]>> {
 mod tests {
     use super::*;
 
-    /// Squares of 0.1 m around the origin, with these values and heights.
-    fn raster(
-        n: usize,
-        value: impl Fn([f64; 2]) -> f64,
-        height: impl Fn([f64; 2]) -> usize,
-    ) -> Raster {
-        let start = -0.05 * (n as f64 - 1.0);
-        let mut raster = Raster {
-            origin: [start; 2],
-            spacing: 0.1,
-            cells: [n, n],
-            values: Vec::new(),
-            points: Vec::new(),
-            heights: Vec::new(),
-        };
-        for j in 0..n {
-            for i in 0..n {
-                let place = raster.centre([i, j]);
-                raster.values.push(value(place));
-                raster.heights.push(height(place));
-            }
-        }
-        raster
-    }
-
     #[test]
     fn contour_of_a_cone_is_one_closed_circle() {
-        let raster = raster(41, |[x, y]| 2.0 - x.hypot(y), |_| 0);
-        let lines = joined(&contour(&raster, 0.55));
+        let lines = contour(&Raster::of(41, |[x, y]| 2.0 - x.hypot(y)), 0.55);
         assert_eq!(lines.len(), 1);
         assert!((lines[0][0][0] - lines[0][lines[0].len() - 1][0]).abs() < 1e-6);
         for [x, y] in &lines[0] {
@@ -225,9 +191,26 @@ mod tests {
         }
     }
 
+    #[test]
+    fn the_mean_of_a_saddle_determines_which_sides_are_joined() {
+        // a square between the centre and the corner of a cell, 1 and 0.75, and the middles of two faces, 0.5
+        let mut raster = Raster::of(2, |_| 0.0);
+        raster.values = vec![1.0, 0.0, 0.0, 2.0];
+        for (level, are_joined) in [(0.6, true), (0.7, false)] {
+            let lines = contour(&raster, level);
+            // beside the diagonal through both warm cells, or across it
+            let is_beside = |line: &Vec<[f64; 2]>| {
+                line.iter().all(|[x, y]| x > y) || line.iter().all(|[x, y]| x < y)
+            };
+            assert_eq!(lines.len(), 2, "{lines:?}");
+            assert_eq!(lines.iter().all(is_beside), are_joined, "{lines:?}");
+        }
+        assert!(contour(&raster, 3.0).is_empty());
+    }
+
     /// Ends of the only line, sorted.
     fn ends(raster: &Raster, level: f64) -> [[f64; 2]; 2] {
-        let lines = joined(&contour(raster, level));
+        let lines = contour(raster, level);
         assert_eq!(lines.len(), 1, "{lines:?}");
         let line = &lines[0];
         let mut ends = [line[0], line[line.len() - 1]];
@@ -240,7 +223,7 @@ mod tests {
         // material below y = 0 at x < 0, and below y = 0.5 at x > 0
         let is_there = |[x, y]: [f64; 2]| y < if x < 0.0 { 0.0 } else { 0.5 };
         let value = |place: [f64; 2]| if is_there(place) { place[0] } else { f64::NAN };
-        let raster = raster(20, value, |_| 0);
+        let raster = Raster::of(20, value);
         for (level, top) in [(-0.33, 0.0), (0.42, 0.5)] {
             let [low, high] = ends(&raster, level);
             let close =
@@ -252,13 +235,19 @@ mod tests {
     #[test]
     fn lines_end_where_the_surface_seen_from_above_jumps() {
         // a hot ledge beside a cold web that is 5 cells higher
-        let value = |[x, y]: [f64; 2]| if x > 0.0 { 0.0 } else { 1.0 - y.abs() };
-        let jump = raster(20, value, |[x, _]| if x > 0.0 { 6 } else { 1 });
-        let lines = joined(&contour(&jump, 0.52));
+        let mut raster = Raster::of(20, |[x, y]| if x > 0.0 { 0.0 } else { 1.0 - y.abs() });
+        let mut lines = |web: usize, ledge: usize| {
+            let height = |cell: usize| if cell % 20 < 10 { ledge } else { web };
+            raster.heights = (0..400).map(height).collect();
+            contour(&raster, 0.52)
+        };
         let at_web = |line: &Vec<[f64; 2]>| line.iter().any(|[x, _]| x.abs() < 1e-9);
-        assert!(lines.len() == 2 && lines.iter().all(at_web), "{lines:?}");
+        let of_jump = lines(6, 1);
+        assert!(
+            of_jump.len() == 2 && of_jump.iter().all(at_web),
+            "{of_jump:?}"
+        );
         // over a step of one cell the line goes on: around the end of the ledge
-        let step = raster(20, value, |[x, _]| usize::from(x > 0.0));
-        assert_eq!(joined(&contour(&step, 0.52)).len(), 1);
+        assert_eq!(lines(1, 0).len(), 1);
     }
 }
