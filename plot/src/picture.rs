@@ -342,12 +342,12 @@ fn averaged(pixels: &[u8], width: usize, scale: usize) -> Vec<u8> {
     for rows in pixels.chunks_exact(row * scale) {
         for x in 0..width / scale {
             for channel in 0..3 {
-                let start = 3 * x * scale + channel;
-                let of_row = |row: &[u8]| -> usize {
-                    let bytes = row[start..].iter().step_by(3).take(scale);
-                    bytes.map(|&byte| usize::from(byte)).sum()
-                };
-                let sum: usize = rows.chunks_exact(row).map(of_row).sum();
+                let mut sum = 0;
+                for dy in 0..scale {
+                    for dx in 0..scale {
+                        sum += usize::from(rows[dy * row + (x * scale + dx) * 3 + channel]);
+                    }
+                }
                 small.push((sum / (scale * scale)) as u8);
             }
         }
@@ -373,6 +373,18 @@ mod tests {
         assert_eq!(pixels.len(), 3 * 40 * 20);
         assert_eq!((at(15, 10), at(5, 10)), (&[200, 0, 0][..], &WHITE[..]));
         assert!((22..40).any(|x| at(x, 10) != WHITE), "letters");
+    }
+
+    #[test]
+    fn dashes_end_with_their_line() {
+        let mut picture = Picture::new(100, 20);
+        picture.dashes([[10.0, 5.0], [70.0, 5.0]], [16.0, 25.0], 1.0, BLACK);
+        let ends = picture.marks.iter().map(|mark| match mark {
+            Mark::Line(points, ..) => [points[0][0], points[1][0]],
+            _ => panic!("a line"),
+        });
+        let ends: Vec<_> = ends.collect();
+        assert_eq!(ends, [[10.0, 26.0], [35.0, 51.0], [60.0, 70.0]]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Values by colour.
 
-use crate::colour::{Colour, ColourMap};
+use crate::colour::{Colour, ColourMap, GREY};
 
 /// Values by colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,8 +58,12 @@ impl ColourScale {
         Self::new(map, range(values.iter().copied()).unwrap_or([0.0, 1.0]))
     }
 
+    /// Colour of a value, grey where it is not finite.
     pub(crate) fn colour(&self, value: f64) -> Colour {
-        self.map.colour((value - self.from) / (self.to - self.from))
+        match value.is_finite() {
+            true => self.map.colour((value - self.from) / (self.to - self.from)),
+            false => GREY,
+        }
     }
 }
 
@@ -93,5 +97,6 @@ mod tests {
             [points[0], points[16]]
         );
         assert_eq!(scale.colour(1000.0), points[8]);
+        assert_eq!(scale.colour(f64::NAN), GREY);
     }
 }

@@ -209,6 +209,7 @@ mod tests {
         assert_eq!(all[1].caption, "A: y = 0");
         assert_eq!((all[2].axes, &*all[2].caption), ([1, 2], "B: x = 1"));
         assert_eq!(all[2].raster.values[..2], [3.0, 6.0]);
+        assert!(all[2].raster.values[2].is_nan());
         assert_eq!(all[3].raster.values, [1.0, 3.0, 4.0, 6.0]);
         assert_eq!(views(2, &[(1, 0.2)]).expect("plane").len(), 1);
         let [first, last] = views(3, &[(0, 1.6)]).expect_err("outside").extent;

@@ -102,15 +102,23 @@ mod tests {
     fn pieces_cover_the_cell_once() {
         // two colours, left and right of the middle
         let values = [[0.0; 3], [0.5; 3], [1.0; 3]];
-        let mut area = [0.0; 2];
+        let (mut area, mut left) = ([0.0; 2], [9.0; 2]);
         let colour = |value: f64| [u8::from(value > 0.5); 3];
         visit_pieces(square(9.0), values, colour, |[a, _, c, _], [side, ..]| {
-            area[usize::from(side)] += (c[0] - a[0]) * (c[1] - a[1]);
+            let side = usize::from(side);
+            area[side] += (c[0] - a[0]) * (c[1] - a[1]);
+            left[side] = a[0].min(left[side]);
         });
         // rounding only
         assert!(
             area.iter().all(|area| (area - 40.5).abs() < 1e-9),
             "{area:?}"
+        );
+        assert_eq!(left, [0.0, 4.5]);
+        let bent = [[0.0; 3], [0.0; 3], [1.0; 3]];
+        assert_eq!(
+            [0.25, 0.625].map(|u| interpolated(bent, [u, 0.2])),
+            [0.0, 0.25]
         );
     }
 }

@@ -256,13 +256,6 @@ impl Snapshot<'_> {
         }
     }
 
-    fn colour(&self, value: f64) -> Colour {
-        match value.is_finite() {
-            true => self.scale.colour(value),
-            false => GREY,
-        }
-    }
-
     /// Draws a part of a view with these corners (pixels).
     fn paint(&self, picture: &mut Picture, corners: [[f64; 2]; 4], colour: Colour) {
         if self.displacement.is_some() {
@@ -282,7 +275,7 @@ impl Snapshot<'_> {
         let mut run: Option<([[f64; 2]; 4], Colour)> = None;
         let mut finished = Vec::new();
         self.visit_cells(view, |_, corners, value| {
-            let colour = self.colour(value);
+            let colour = self.scale.colour(value);
             let close = |a: f64, b: f64| (a - b).abs() < 0.1 * view.raster.spacing;
             match &mut run {
                 // neighbours of one colour in one rectangle: a tenth of the marks
@@ -479,5 +472,9 @@ mod tests {
         let moved: Vec<[f64; 3]> = (0..400).map(|_| [5.0, 0.0, 0.0]).collect();
         let svg = drawn(&[], false, Some(&moved));
         assert!(svg.contains("5000") && !svg.contains("T = 600"));
+        // each cell with its own corners
+        assert_eq!(svg.matches("<polygon").count(), 400);
+        let large = widened([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0], [0.0, 4.0]]);
+        assert_eq!(large[2], [3.0 + 0.6 * OVERLAP, 4.0 + 0.8 * OVERLAP]);
     }
 }

@@ -3,8 +3,7 @@
 use perimelt_core::log::{BodyInfo, Column, LoggedCloud, Series};
 use perimelt_plot::{Chart, LINES, Panel};
 
-use crate::log_names::BALANCE_LIMIT;
-use crate::log_names::RELATIVE_ERROR;
+use crate::log_names::{BALANCE_LIMIT, RELATIVE_ERROR};
 use crate::melt_pool::MeltPool;
 use crate::quantity::isotherm::Isotherm;
 use crate::quantity::scalar::Scalar;
