@@ -62,7 +62,7 @@ pub use plugin::{
     Balance, Coupler, Physics, PhysicsReport, Report, RunningCoupler, RunningPhysics,
 };
 pub use programme::Programme;
-pub use setup::{Access, ClaimedLayers, LayerRole, Setup, Warning};
+pub use setup::{Access, ClaimedLayers, GivenValue, LayerRole, Setup, Warning};
 pub use simulation::Simulation;
 pub use stepping::{Step, StepLimits, StepSize, Stepping, Update, Work};
 pub use world::activity::ActivityChanges;

@@ -24,8 +24,8 @@
 
 use perimelt_core::material::{Expansion, ThermalState};
 use perimelt_core::{
-    Coupler, InSpace, Read, ReadIfProvided, RunError, RunningCoupler, Setup, SetupError, Step,
-    Stepping, World, Write, keys,
+    Coupler, GivenValue, InSpace, Read, ReadIfProvided, RunError, RunningCoupler, Setup,
+    SetupError, Step, Stepping, World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -113,12 +113,12 @@ impl Coupler for ThermalExpansion {
         let body = setup.find_body(self.body.as_deref())?;
         let positions = setup.body(body).points.position.clone();
         let key = "reference_temperature";
-        let mut reference = setup.placed(
-            (body, "temperature"),
+        let given = GivenValue {
             key,
-            &self.reference_temperature,
-            positions,
-        )?;
+            value: &self.reference_temperature,
+            column: "temperature",
+        };
+        let mut reference = setup.placed(body, given, positions)?;
         if reference.changes() {
             let message = "the temperature at which the body is free of stress changes in time";
             let expected = "a number, a formula in x, y and z, or a file with one time";

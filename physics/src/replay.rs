@@ -17,8 +17,8 @@ use nalgebra::{Matrix3, Vector3};
 use perimelt_core::in_time::earlier;
 use perimelt_core::log::{CloudField, Log, LogError, LoggedCloud};
 use perimelt_core::{
-    Body, InSpace, Key, Physics, Placed, Problem, RunError, RunningPhysics, Setup, SetupError,
-    Step, StepLimits, Stepping, Work, World, Write, keys,
+    Body, GivenValue, InSpace, Key, Physics, Placed, Problem, RunError, RunningPhysics, Setup,
+    SetupError, Step, StepLimits, Stepping, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -367,7 +367,15 @@ impl Replay {
                 ));
             };
             let positions = setup.body(body).points.position.clone();
-            let values = setup.placed((body, name), &key, value, positions)?;
+            let values = setup.placed(
+                body,
+                GivenValue {
+                    key: &key,
+                    value,
+                    column: name,
+                },
+                positions,
+            )?;
             let field = setup.own(body, &Key::named(name.clone(), unit.to_string()))?;
             fields.push(PlacedField { field, values });
         }

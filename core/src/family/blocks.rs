@@ -68,12 +68,6 @@ impl Blocks {
         &self.weights[self.head[block].pattern as usize * self.stencil..][..self.stencil]
     }
 
-    /// The weights of a bond of a point, by its block and lane.
-    #[inline]
-    pub(super) fn weights_of(&self, (block, lane): (usize, usize), number: usize) -> [f64; 2] {
-        self.weights(block)[number].map(|lanes| lanes[lane])
-    }
-
     /// The pattern of these weights and duals in all lanes, if any block has it.
     pub(super) fn pattern_of(&self, bonds: impl Iterator<Item = [f64; 2]>) -> Option<u32> {
         let wanted: Vec<Weights> = bonds.map(|bond| bond.map(|w| [w; BLOCK])).collect();

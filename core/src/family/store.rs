@@ -198,7 +198,7 @@ impl StencilBonds {
     pub(super) fn weights_of_remote(&self, point: u32, number: usize) -> [f64; 2] {
         let Bond { weight, dual, .. } = self.stencil.bonds[number].bond;
         match self.remote.find(point) {
-            Some(place) => self.remote.weights_of(place, number),
+            Some((block, lane)) => self.remote.weights(block)[number].map(|lanes| lanes[lane]),
             None => [weight, dual],
         }
     }

@@ -10,6 +10,17 @@ use crate::error::{Problem, SetupError};
 use crate::in_space::{InSpace, Placed};
 use crate::world::{BodyIndex, World};
 
+/// A value of a key that may depend on position and time.
+#[derive(Clone, Copy, Debug)]
+pub struct GivenValue<'a> {
+    /// The key, for messages.
+    pub key: &'a str,
+    /// Its value.
+    pub value: &'a InSpace,
+    /// Name of the column of a file that has the values; a file with one column may call it otherwise.
+    pub column: &'a str,
+}
+
 impl Setup<'_> {
     /// The world as it is so far: what plugins before the calling one declared and published.
     pub fn world(&self) -> &World {
@@ -21,20 +32,19 @@ impl Setup<'_> {
         self.folder.join(path)
     }
 
-    /// The values of the key `key` at positions (m) of a body, those at the start computed. A file has a column with the name of
-    /// the `field`, or only one.
+    /// A value that the case gives, at positions (m) of a body, computed for the start.
     ///
     /// # Errors
     /// A file that cannot be read or whose points lie elsewhere, or a value that is not finite.
     pub fn placed(
         &mut self,
-        (body, field): (BodyIndex, &str),
-        key: &str,
-        value: &InSpace,
+        body: BodyIndex,
+        given: GivenValue<'_>,
         positions: Vec<Vector3<f64>>,
     ) -> Result<Placed, SetupError> {
+        let GivenValue { key, value, column } = given;
         let dimension = self.body(body).dimension;
-        let placed = value.at(field, &self.folder, positions, dimension);
+        let placed = value.at(column, &self.folder, positions, dimension);
         let mut placed = placed.map_err(|e| SetupError::other(key, e))?;
         placed.at(0.0).map_err(|e| SetupError::other(key, e))?;
         if let Some(warning) = placed.warning() {

@@ -30,6 +30,7 @@ use crate::world::facts::{Fact, FactRule};
 use crate::world::{BodyIndex, World};
 
 pub use access::{Access, Declaration};
+pub use bodies::GivenValue;
 pub use layers::{ClaimedLayers, LayerRole};
 
 /// Something that can be run and may be a mistake.

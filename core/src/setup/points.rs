@@ -105,7 +105,7 @@ impl Setup<'_> {
         }
         let derived = [self.read(plate, derived)?, self.read(window, derived)?];
         let conserved = [self.read(plate, conserved)?, self.read(window, conserved)?];
-        let refinement = Refinement::new(self.world, (plate, window), conserved, derived)?;
+        let refinement = Refinement::new(self.world, plate, window, conserved, derived)?;
         self.world.refinements.push(refinement);
         self.happens(window, Change::Window);
         Ok(WindowMover {

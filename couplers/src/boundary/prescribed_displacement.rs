@@ -10,8 +10,8 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::in_space::{Placed, PlacedError};
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, InSpace, LayerRole, Programme, RunError, RunningCoupler, Setup, SetupError, Step,
-    StepLimits, World, Write, flattened, keys,
+    Coupler, GivenValue, InSpace, LayerRole, Programme, RunError, RunningCoupler, Setup,
+    SetupError, Step, StepLimits, World, Write, flattened, keys,
 };
 
 use super::{BoundaryLocation, HeldPlace, LayerKind, with_programme};
@@ -118,10 +118,15 @@ impl Coupler for PrescribedDisplacement {
             }
         };
         let mut values = [None, None, None];
-        for (axis, given) in self.components().into_iter().enumerate() {
-            let name = ["x", "y", "z"][axis];
-            let place = |given| setup.placed((body, name), name, given, positions.clone());
-            values[axis] = given.map(place).transpose()?;
+        for (axis, value) in self.components().into_iter().enumerate() {
+            let Some(value) = value else { continue };
+            let key = ["x", "y", "z"][axis];
+            let given = GivenValue {
+                key,
+                value,
+                column: key,
+            };
+            values[axis] = Some(setup.placed(body, given, positions.clone())?);
         }
         let named = ["x", "y", "z"].into_iter().zip(self.components());
         let uniform = named.filter_map(|(key, value)| Some((key, value?.uniform()?)));

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Body, Coupler, Face, InSpace, LayerRole, Placed, Programme, RunError, RunningCoupler, Setup,
-    SetupError, Step, StepLimits, World, Write, flattened, keys,
+    Body, Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Programme, RunError,
+    RunningCoupler, Setup, SetupError, Step, StepLimits, World, Write, flattened, keys,
 };
 
 use super::{BoundaryLocation, HeldPlace, LayerKind, with_programme};
@@ -90,11 +90,15 @@ impl Coupler for PrescribedTemperature {
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.place.body.as_deref())?;
-        let field = (body, "temperature");
+        let given = GivenValue {
+            key: "value",
+            value: &self.value,
+            column: "temperature",
+        };
         let sink = match self.place.location(setup, body)? {
             BoundaryLocation::Face(face) if self.value.uniform().is_some() => {
                 let centre = vec![Vector3::zeros()];
-                let value = setup.placed(field, "value", &self.value, centre)?;
+                let value = setup.placed(body, given, centre)?;
                 TemperatureSink::Layer(
                     setup.layer(body, &keys::TEMPERATURE, face, LayerRole::Prescribed)?,
                     value,
@@ -102,7 +106,7 @@ impl Coupler for PrescribedTemperature {
             }
             BoundaryLocation::Face(face) => {
                 let (places, place) = in_front(setup.body(body), face);
-                let places = setup.placed(field, "value", &self.value, places)?;
+                let places = setup.placed(body, given, places)?;
                 let layer = setup.layer(body, &keys::TEMPERATURE, face, LayerRole::Prescribed)?;
                 TemperatureSink::LayerByPlace(layer, OnFace { places, place })
             }
@@ -110,7 +114,7 @@ impl Coupler for PrescribedTemperature {
                 value: {
                     let position = &setup.body(body).points.position;
                     let positions = points.iter().map(|p| position[*p as usize]).collect();
-                    setup.placed(field, "value", &self.value, positions)?
+                    setup.placed(body, given, positions)?
                 },
                 points,
                 constraint: setup.add(body, &keys::TEMPERATURE_CONSTRAINT)?,

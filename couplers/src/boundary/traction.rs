@@ -15,8 +15,8 @@ use perimelt_core::in_space::PlacedError;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::{
-    Coupler, Face, InSpace, LayerRole, Placed, Programme, Report, RunError, RunningCoupler, Setup,
-    SetupError, Step, StepLimits, World, Write, flattened, keys,
+    Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Programme, Report, RunError,
+    RunningCoupler, Setup, SetupError, Step, StepLimits, World, Write, flattened, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -178,11 +178,12 @@ impl Coupler for Traction {
                     points.position[point] + 0.5 * points.spacing[point] * cell.face.normal()
                 };
                 let centres = cells.iter().map(centre).collect();
-                Load::Pressure(
-                    setup
-                        .placed((body, "pressure"), "pressure", pressure, centres)?
-                        .into(),
-                )
+                let given = GivenValue {
+                    key: "pressure",
+                    value: pressure,
+                    column: "pressure",
+                };
+                Load::Pressure(setup.placed(body, given, centres)?.into())
             }
             _ => {
                 let message = "`traction` and `pressure` are both given or both missing";

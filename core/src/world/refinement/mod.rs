@@ -85,13 +85,18 @@ pub struct WindowMover {
 impl Refinement {
     pub(crate) fn new(
         world: &World,
-        (plate, window): (BodyIndex, BodyIndex),
+        plate: BodyIndex,
+        window: BodyIndex,
         conserved: [Read<f64>; 2],
         derived: [Read<f64>; 2],
     ) -> Result<Refinement, SetupError> {
-        let [coarse, fine] = [plate, window].map(|b| &world.bodies[b]);
-        let lattices = (full_lattice(coarse, "body")?, full_lattice(fine, "fine")?);
-        let (ratio, cells, first) = fit((coarse, lattices.0), (fine, lattices.1))?;
+        let coarse = full_lattice(&world.bodies[plate], "body")?;
+        let fine = full_lattice(&world.bodies[window], "fine")?;
+        let Fit {
+            ratio,
+            cells,
+            first,
+        } = Fit::new(coarse, fine)?;
         let handles = |of: [Read<f64>; 2]| of.map(|handle| Write::new(handle.field));
         let position = WindowPosition {
             low: first,
@@ -100,10 +105,10 @@ impl Refinement {
         Ok(Refinement {
             plate,
             window,
-            dimension: coarse.dimension,
+            dimension: coarse.body.dimension,
             ratio,
-            spacing: lattices.0.spacing,
-            plate_cells: lattices.0.cells,
+            spacing: coarse.lattice.spacing,
+            plate_cells: coarse.lattice.cells,
             cells,
             first,
             conserved: handles(conserved),
@@ -367,8 +372,15 @@ fn shift(values: &mut [f64], [nx, ny, nz]: [usize; 3], step: [i64; 3]) {
     }
 }
 
+/// A body of one material that fills its box, and its lattice.
+#[derive(Clone, Copy)]
+struct FullLattice<'a> {
+    body: &'a Body,
+    lattice: &'a Lattice,
+}
+
 /// The lattice of a body that fills its box and consists of one material; blamed on `key`.
-fn full_lattice<'a>(body: &'a Body, key: &str) -> Result<&'a Lattice, SetupError> {
+fn full_lattice<'a>(body: &'a Body, key: &str) -> Result<FullLattice<'a>, SetupError> {
     let refuse = |message: String, expected: &str| Err(SetupError::value(key, message, expected));
     let lattice = match body.lattice() {
         Some(lattice) if lattice.is_full() => lattice,
@@ -385,67 +397,81 @@ fn full_lattice<'a>(body: &'a Body, key: &str) -> Result<&'a Lattice, SetupError
         let message = format!("body `{}` has cracks or is periodic", body.name);
         return refuse(message, "a body without cracks and `periodic`");
     }
-    Ok(lattice)
+    Ok(FullLattice { body, lattice })
 }
 
-/// How a window fits into a plate: points along an edge of a cell of the plate, cells of the plate below it, and the
-/// lowest of these.
-fn fit(
-    (plate, coarse): (&Body, &Lattice),
-    (window, fine): (&Body, &Lattice),
-) -> Result<(usize, [usize; 3], [i64; 3]), SetupError> {
-    let refuse =
-        |message: String, expected: &str| Err(SetupError::value("fine", message, expected));
-    if plate.dimension != window.dimension || plate.thickness != window.thickness {
-        let message = format!(
-            "bodies `{}` and `{}` differ in their dimension or thickness",
-            plate.name, window.name
-        );
-        return refuse(message, "two bodies of one dimension and thickness");
-    }
-    if plate.materials != window.materials {
-        let message = format!(
-            "bodies `{}` and `{}` differ in their material",
-            plate.name, window.name
-        );
-        return refuse(message, "two bodies of the same material");
-    }
-    let ratio = (coarse.spacing / fine.spacing).round();
-    if ratio < 2.0 || (ratio * fine.spacing / coarse.spacing - 1.0).abs() > 1e-9 {
-        let message = format!(
-            "the spacing {} m of body `{}` is not that of body `{}`, {} m, divided by a whole number of 2 or more",
-            fine.spacing, window.name, plate.name, coarse.spacing
-        );
-        return refuse(
-            message,
-            "a spacing such as a half or a quarter of the coarser one",
-        );
-    }
-    let ratio = ratio as usize;
-    let (mut cells, mut first) = ([1; 3], [0; 3]);
-    for axis in 0..plate.dimension {
-        let low = (fine.origin[axis] - coarse.origin[axis]) / coarse.spacing;
-        let count = fine.cells[axis] as f64 / ratio as f64;
-        let is_whole = |x: f64| (x - x.round()).abs() < ROUNDING;
-        let end = low.round() + count.round();
-        if !is_whole(low)
-            || !is_whole(count)
-            || low.round() < 0.0
-            || end > coarse.cells[axis] as f64
-        {
+/// How a window fits into a plate.
+struct Fit {
+    /// Points of the window along an edge of a cell of the plate.
+    ratio: usize,
+    /// Cells of the plate below the window along each axis.
+    cells: [usize; 3],
+    /// The lowest of these cells.
+    first: [i64; 3],
+}
+
+impl Fit {
+    fn new(plate: FullLattice<'_>, window: FullLattice<'_>) -> Result<Fit, SetupError> {
+        let (coarse, fine) = (plate.lattice, window.lattice);
+        let (plate, window) = (plate.body, window.body);
+        let refuse =
+            |message: String, expected: &str| Err(SetupError::value("fine", message, expected));
+        if plate.dimension != window.dimension || plate.thickness != window.thickness {
             let message = format!(
-                "body `{}` spans {} to {} m, which are not whole cells of body `{}`",
-                window.name,
-                position(window.bounds().0),
-                position(window.bounds().1),
-                plate.name
+                "bodies `{}` and `{}` differ in their dimension or thickness",
+                plate.name, window.name
             );
-            let expected = "a box inside of the coarser body whose faces lie on faces of its cells";
-            return refuse(message, expected);
+            return refuse(message, "two bodies of one dimension and thickness");
         }
-        (cells[axis], first[axis]) = (count.round() as usize, low.round() as i64);
+        if plate.materials != window.materials {
+            let message = format!(
+                "bodies `{}` and `{}` differ in their material",
+                plate.name, window.name
+            );
+            return refuse(message, "two bodies of the same material");
+        }
+        let ratio = (coarse.spacing / fine.spacing).round();
+        if ratio < 2.0 || (ratio * fine.spacing / coarse.spacing - 1.0).abs() > 1e-9 {
+            let message = format!(
+                "the spacing {} m of body `{}` is not that of body `{}`, {} m, divided by a whole number of 2 or more",
+                fine.spacing, window.name, plate.name, coarse.spacing
+            );
+            return refuse(
+                message,
+                "a spacing such as a half or a quarter of the coarser one",
+            );
+        }
+        let ratio = ratio as usize;
+        let (mut cells, mut first) = ([1; 3], [0; 3]);
+        for axis in 0..plate.dimension {
+            let low = (fine.origin[axis] - coarse.origin[axis]) / coarse.spacing;
+            let count = fine.cells[axis] as f64 / ratio as f64;
+            let is_whole = |x: f64| (x - x.round()).abs() < ROUNDING;
+            let end = low.round() + count.round();
+            if !is_whole(low)
+                || !is_whole(count)
+                || low.round() < 0.0
+                || end > coarse.cells[axis] as f64
+            {
+                let message = format!(
+                    "body `{}` spans {} to {} m, which are not whole cells of body `{}`",
+                    window.name,
+                    position(window.bounds().0),
+                    position(window.bounds().1),
+                    plate.name
+                );
+                let expected =
+                    "a box inside of the coarser body whose faces lie on faces of its cells";
+                return refuse(message, expected);
+            }
+            (cells[axis], first[axis]) = (count.round() as usize, low.round() as i64);
+        }
+        Ok(Fit {
+            ratio,
+            cells,
+            first,
+        })
     }
-    Ok((ratio, cells, first))
 }
 
 impl World {

@@ -273,12 +273,13 @@ mod tests {
     }
 
     fn meet(before: [f64; 2], wall: f64, mass: Option<f64>, angle: f64) -> Met {
-        meet_under((before, 0.0), wall, mass, angle)
+        meet_under(before, 0.0, wall, mass, angle)
     }
 
     /// What [`meet`] finds where the fluid point has a pressure (Pa).
     fn meet_under(
-        (before, pressure): ([f64; 2], f64),
+        before: [f64; 2],
+        pressure: f64,
         wall: f64,
         mass: Option<f64>,
         angle: f64,
@@ -395,7 +396,7 @@ mod tests {
 
     #[test]
     fn a_point_under_tension_loses_its_approach_only() {
-        let met = meet_under(([1.0, 0.4], -5.0), 0.3, None, 0.3);
+        let met = meet_under([1.0, 0.4], -5.0, 0.3, None, 0.3);
         let approach = (met.before - 0.3 * met.normal).dot(&met.normal);
         assert!((met.after - (met.before - approach * met.normal)).norm() < 1e-12);
     }

@@ -140,8 +140,8 @@ fn boxed_points(family: &Family, boxes: &RowBoxes) -> Vec<BoxedPoint> {
 fn ahead_of_remote<'a>(
     family: &'a Family,
     bonds: &'a StencilBonds,
-    (slot, point): (u32, u32),
-) -> impl Iterator<Item = (usize, [f64; 2])> + 'a {
+    &BoxedPoint { slot, point, .. }: &BoxedPoint,
+) -> impl Iterator<Item = (usize, [f64; 2])> + use<'a> {
     let stencil = bonds.stencil.bonds.iter().enumerate();
     let ahead = stencil.skip(bonds.stencil.bonds.len() / 2);
     let is_owned =
@@ -190,10 +190,11 @@ impl Pairs {
         let rows = RowBoxes::new(cells, bonds.stencil.grid.in_whole(), farthest);
         for of_box in boxed_points(family, &rows).chunk_by(|a, b| a.place == b.place) {
             let first = [blocks_ahead.len(), blocks_behind.len()];
-            for &BoxedPoint { slot, point, .. } in of_box {
+            for boxed in of_box {
+                let BoxedPoint { slot, point, .. } = *boxed;
                 let (mut back, mut forth) = (Vec::new(), Vec::new());
                 if point as usize >= family.points {
-                    let ahead = ahead_of_remote(family, bonds, (slot, point));
+                    let ahead = ahead_of_remote(family, bonds, boxed);
                     forth.extend(ahead.map(|(n, weights)| (rank[n - half], weights)));
                 } else {
                     family.for_each_bond(point as usize, |number, bond, other| {

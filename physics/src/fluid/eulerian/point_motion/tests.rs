@@ -79,7 +79,8 @@ impl Channel {
     /// Sets density (kg/m³) and velocity (m/s) and gives what moves to `act`.
     fn set(
         &mut self,
-        (density, velocity): (&[f64], &[Vector3<f64>]),
+        density: &[f64],
+        velocity: &[Vector3<f64>],
         dt: f64,
         act: impl FnOnce(&mut Fluxes, &Terms<'_>),
     ) {
@@ -131,7 +132,7 @@ fn a_uniform_flow_stays_uniform_however_the_points_move() {
             let to = wobble(dimension, 0.2 * f64::from(step));
             fluid.rates.displace_points(&family, dt, to);
             let (mut rho, mut v) = (density.clone(), velocity.clone());
-            fluid.set((&density, &velocity), dt, |rates, terms| {
+            fluid.set(&density, &velocity, dt, |rates, terms| {
                 rates.advance_density(terms, &mut rho, &mut pressure);
                 rates.set_pressure(&pressure, None);
                 rates.advance_velocity(terms, dt, &mut v, &rho);
@@ -169,7 +170,7 @@ fn error_of_forces(n: usize) -> f64 {
     let pressure: Vec<f64> = places.iter().map(|x| (TAU * x.x).cos()).collect();
     let density = vec![2.0; places.len()];
     let mut found = vec![Vector3::zeros(); places.len()];
-    fluid.set((&density, &velocity), 1e-9, |rates, terms| {
+    fluid.set(&density, &velocity, 1e-9, |rates, terms| {
         rates.set_pressure(&pressure, None);
         rates.carry(terms, 0.0, &velocity, &density);
         rates.accelerate(terms, 1.0, &mut found, &density);
@@ -240,7 +241,7 @@ fn short_waves_decay_by_the_diffusivity_that_they_lack() {
         .collect();
     let density = vec![2.0; places.len()];
     let mut found = vec![Vector3::zeros(); places.len()];
-    fluid.set((&density, &velocity), 1e-9, |rates, terms| {
+    fluid.set(&density, &velocity, 1e-9, |rates, terms| {
         rates.set_pressure(&vec![0.0; places.len()], None);
         rates.carry(terms, 0.0, &velocity, &density);
         rates.accelerate(terms, 1.0, &mut found, &density);
