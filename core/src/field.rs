@@ -155,6 +155,8 @@ pub mod keys {
         PRESSURE: f64 = "pressure", "Pa", "pressure";
         /// Force per volume, N/m³ (sink field of the mechanical and fluid physics).
         BODY_FORCE: Vector3<f64> = "body_force", "N/m3", "force per volume";
+        /// First moment of the force per volume about the point, force (x) arm, N/m² (sink field of the mechanical physics).
+        BODY_FORCE_MOMENT: Matrix3<f64> = "body_force_moment", "N/m2", "first moment of the force per volume about the point";
         /// Momentum per reference volume that a body gets at the start of a step, N s/m³ (sink field of explicit
         /// mechanics, rigid bodies and fluids; [`crate::Setup::take_if_added`]). What two bodies do to each other is an
         /// impulse, so that it is equal and opposite whatever steps they take.

@@ -61,7 +61,7 @@ impl LayerRule {
     }
 
     /// The value on the face in front of a point, where the rule prescribes one.
-    pub(crate) fn prescribed(&self, component: usize, point: u32) -> Option<f64> {
+    pub fn prescribed(&self, component: usize, point: u32) -> Option<f64> {
         let scale = self.scale[component];
         (scale != 1.0).then(|| self.offset_of(component, point) / (1.0 - scale))
     }

@@ -57,6 +57,13 @@ pub struct Rigid;
 
 impl Fact for Rigid {}
 
+/// Loads of the surface of a body act on the faces of its cells: the force per volume of a point comes with its first moment
+/// about the point ([`keys::BODY_FORCE_MOMENT`]).
+#[derive(Clone, Copy, Debug)]
+pub struct LoadedFaces;
+
+impl Fact for LoadedFaces {}
+
 /// A body continues as its mirror image behind a face, so that measurements count both halves.
 #[derive(Clone, Copy, Debug)]
 pub struct SymmetryPlane(pub Face);

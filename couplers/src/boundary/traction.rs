@@ -1,19 +1,20 @@
 //! Traction: force per area on the surface.
 //!
 //! By default the traction becomes a force per volume on the points of the surface, `body_force += traction
-//! area / volume`, which acts half a spacing below the surface. With `by = "layer"` a layer behind a face of
+//! area / volume`, which acts half a spacing below the surface, unless the body takes its moment about the point, too
+//! ([`LoadedFaces`]). With `by = "layer"` a layer behind a face of
 //! the body's box continues the strain that belongs to the traction (Wang (2025), eqs. 4.24 to 4.28). The
 //! force then acts on the face, has the error of the bond stiffness, and needs an elastic surface. These forces have no
 //! potential, so that bodies in explicit motion refuse them.
 //!
 //! The surface is that of the reference configuration: a pressure does not turn with the body.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::family::LayerRule;
 use perimelt_core::in_space::PlacedError;
-use perimelt_core::world::LayerHandle;
 use perimelt_core::world::activity::is_active;
+use perimelt_core::world::{LayerHandle, LoadedFaces};
 use perimelt_core::{
     Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Programme, Report, RunError,
     RunningCoupler, Setup, SetupError, Step, StepLimits, World, Write, flattened, keys,
@@ -78,7 +79,11 @@ struct RunningTraction {
 
 #[derive(Debug)]
 enum TractionSink {
-    Points(Write<Vector3<f64>>),
+    Points {
+        body_force: Write<Vector3<f64>>,
+        /// Of a body that takes it.
+        moment: Option<Write<Matrix3<f64>>>,
+    },
     Layers(Vec<(Face, LayerHandle)>),
 }
 
@@ -118,7 +123,15 @@ impl CellLoads<'_> {
 impl Traction {
     fn sink(&self, setup: &mut Setup<'_>, body: usize) -> Result<TractionSink, SetupError> {
         if self.by == By::BodyForce {
-            return Ok(TractionSink::Points(setup.add(body, &keys::BODY_FORCE)?));
+            let is_taken = setup.facts::<LoadedFaces>(body).next().is_some();
+            let mut moment = None;
+            if is_taken {
+                moment = Some(setup.add(body, &keys::BODY_FORCE_MOMENT)?);
+            }
+            return Ok(TractionSink::Points {
+                body_force: setup.add(body, &keys::BODY_FORCE)?,
+                moment,
+            });
         }
         if setup.body(body).lattice().is_none() {
             let message = "a traction layer needs a body with one spacing";
@@ -221,11 +234,17 @@ impl RunningCoupler for RunningTraction {
         let cells = || self.cells.iter().enumerate().filter(is_there);
         self.force = cells().map(on_cell).sum();
         match &self.sink {
-            TractionSink::Points(body_force) => {
+            TractionSink::Points { body_force, moment } => {
                 let mut body_force = world.write(*body_force);
+                let mut moment = moment.map(|moment| world.write(moment));
                 for (index, cell) in cells() {
                     let point = cell.point as usize;
-                    body_force[point] += on_cell((index, cell)) / points.volume[point];
+                    let force = on_cell((index, cell)) / points.volume[point];
+                    body_force[point] += force;
+                    if let Some(moment) = &mut moment {
+                        let arm = 0.5 * points.spacing[point] * cell.face.normal();
+                        moment[point] += force * arm.transpose();
+                    }
                 }
             }
             TractionSink::Layers(layers) => {

@@ -6,13 +6,15 @@ use nalgebra::Matrix3;
 use perimelt_core::family::{Continuation, LayerRule, WithTractions};
 use perimelt_core::{Body, BondKernel, BrokenBonds, Family, SlotField};
 
+use super::classical::{Point, symmetric};
 use super::elastic::ElasticPoints;
 use super::fracture::Fracture;
 use super::gradient::Gradient;
 use super::layer_forces::{LayerForces, Summed};
 use super::moduli::Moduli;
+use super::nodes::Nodes;
 use super::plasticity::Plasticity;
-use super::solid::{Constitution, EnergyKind, StressKind};
+use super::solid::{Constitution, EnergyKind, StrainKind, StressKind};
 
 /// Properties of a formulation.
 #[derive(Clone, Copy, Debug)]
@@ -44,6 +46,8 @@ impl<'a> Bonds<'a> {
 /// What solids of all formulations have.
 #[derive(Debug)]
 pub struct SolidBase {
+    pub(super) nodes: Nodes,
+    /// Without points in formulations without bonds.
     pub(super) family: Arc<Family>,
     pub(super) dimension: usize,
     /// Horizon of each point, m.
@@ -78,6 +82,7 @@ impl SolidBase {
             in_motion,
         } = constitution;
         SolidBase {
+            nodes: Nodes::Points,
             dimension,
             horizons: body.points.horizons(family.spec().horizon),
             properties,
@@ -139,6 +144,39 @@ impl SolidBase {
     /// Moduli of a point at its present temperature.
     pub fn moduli_of(&self, point: usize) -> Moduli {
         self.elastic.moduli(point)
+    }
+
+    /// The law of a point for the given kind of strain; a loose point of the gradient has no stiffness.
+    pub(super) fn law_of(&self, gradient: &Gradient, point: usize, strain: StrainKind) -> Point {
+        let law = self.elastic.strained(gradient).law(point);
+        let law = match strain {
+            StrainKind::Elastic => law,
+            StrainKind::Total | StrainKind::Change => law.of_change(),
+        };
+        match (&self.plasticity, strain) {
+            (None, _) | (_, StrainKind::Total) => law,
+            (Some(p), StrainKind::Elastic) => {
+                law.with_inelastic(p.stress_state, p.states.tried()[point].strain)
+            }
+            (Some(p), StrainKind::Change) => law.with_inelastic(p.stress_state, p.change[point]),
+        }
+    }
+
+    /// Energy density of the total strain (J/m³) and the stress conjugate to the eigenstrain (Pa) of a point with a law of
+    /// changes and a gradient of the displacement.
+    pub(super) fn total_energy(
+        &self,
+        point: usize,
+        law: &Point,
+        gradient: &Matrix3<f64>,
+    ) -> [f64; 2] {
+        let mut strain = Point::strain(gradient, self.elastic.finite);
+        if let Some(stress_free) = self.elastic.stress_free.get(point) {
+            strain -= symmetric(stress_free);
+        }
+        let stress = law.stress(&strain);
+        let conjugate = (0..self.dimension).map(|a| stress[(a, a)]).sum::<f64>();
+        [0.5 * stress.dot(&strain), conjugate * law.moduli.swelling]
     }
 
     /// The largest factor by which moduli rose with the temperature since the last call; one if none did.

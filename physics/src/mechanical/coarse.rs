@@ -5,6 +5,8 @@ use perimelt_core::solver::{CoarseSpace, Spring};
 use perimelt_core::{Body, BrokenBonds, Family};
 use rayon::prelude::*;
 
+use super::moduli::Moduli;
+use super::nodes::Nodes;
 use super::residual::Residual;
 
 /// Scale of the layers that tractions bend.
@@ -14,38 +16,72 @@ const BENT: [f64; 3] = [0.0; 3];
 #[derive(Debug, Default)]
 pub(super) struct Coarse {
     pub(super) space: Option<CoarseSpace>,
-    /// Stiffness of the bonds of each point, Pa.
-    stiffness: Vec<f64>,
+    /// By point; `None` without material.
+    moduli: Vec<Option<Moduli>>,
     constraint: Vec<f64>,
     /// Number of broken bonds.
     broken: usize,
 }
 
 impl Coarse {
+    /// Points that are not `present` have no stiffness; all are where it is empty.
+    ///
     /// Rebuilds the space completely if anything that it was built from changed, so that a resumed run is
     /// bit-identical.
-    pub(super) fn update(&mut self, body: &Body, residual: &Residual<'_>) {
+    pub(super) fn update(&mut self, body: &Body, residual: &Residual<'_>, present: &[bool]) {
         let (solid, constraint) = (residual.solid.base(), residual.constraint);
-        let points = 0..body.points.len();
-        let stiffness = points.map(|p| solid.moduli_of(p).bond_stiffness(body.dimension));
-        let stiffness: Vec<f64> = stiffness.collect();
+        let moduli = |point: usize| match present.get(point) {
+            Some(false) => None,
+            _ => Some(solid.moduli_of(point)),
+        };
+        let moduli: Vec<_> = (0..body.points.len()).map(moduli).collect();
         let broken = solid.broken();
         let total = broken.map_or(0, BrokenBonds::total);
-        if self.stiffness == stiffness && self.constraint == *constraint && self.broken == total {
+        if self.moduli == moduli && self.constraint == *constraint && self.broken == total {
             return;
         }
+        let stiffness = |moduli: &Option<Moduli>| {
+            moduli.map_or(0.0, |moduli| moduli.bond_stiffness(body.dimension))
+        };
+        let space = match &solid.nodes {
+            Nodes::Points => {
+                let stiffness: Vec<f64> = moduli.iter().map(stiffness).collect();
+                let springs = Springs::new(residual, &stiffness);
+                coarse_space(body, residual, |point, receive| springs.of(point, receive))
+            }
+            Nodes::Corners(_) => coarse_space(body, residual, |corner, receive| {
+                residual.solid.couplings(corner, receive);
+            }),
+        };
         *self = Coarse {
-            space: Springs::new(residual, &stiffness).coarse_space(body),
+            space,
             constraint: constraint.to_vec(),
             broken: total,
-            stiffness,
+            moduli,
         };
     }
 }
 
+/// The coarse space of the nodes of a body with the `springs` of each.
+fn coarse_space(
+    body: &Body,
+    residual: &Residual<'_>,
+    springs: impl Fn(usize, &mut dyn FnMut(Spring)) + Sync,
+) -> Option<CoarseSpace> {
+    let dimension = body.dimension;
+    let (constraint, _) = residual.constraint.as_chunks::<3>();
+    let free = constraint.iter().map(|c| {
+        std::array::from_fn(|axis| match c[axis] > 0.0 || axis >= dimension {
+            true => 0.0,
+            false => 1.0,
+        })
+    });
+    let positions = residual.solid.base().nodes.positions(body);
+    CoarseSpace::new(positions, dimension, free.collect(), springs)
+}
+
 /// The bonds of a body as springs.
 struct Springs<'a> {
-    constraint: &'a [f64],
     /// Relative volumes of the components, if they differ.
     volumes: Option<&'a [f64]>,
     family: &'a Family,
@@ -96,7 +132,6 @@ impl<'a> Springs<'a> {
         // springs to the nearest neighbours along the axes alone do not resist shear
         let nearest_only = family.bonds() <= 2 * dimension * stiffness.len() && dimension > 1;
         Springs {
-            constraint: residual.constraint,
             volumes: residual.volumes,
             family,
             broken: solid.broken(),
@@ -109,19 +144,6 @@ impl<'a> Springs<'a> {
                 false => 0.0,
             },
         }
-    }
-
-    fn coarse_space(&self, body: &Body) -> Option<CoarseSpace> {
-        let dimension = body.dimension;
-        let (constraint, _) = self.constraint.as_chunks::<3>();
-        let free = constraint.iter().map(|c| {
-            std::array::from_fn(|axis| match c[axis] > 0.0 || axis >= dimension {
-                true => 0.0,
-                false => 1.0,
-            })
-        });
-        let springs = |point: usize, receive: &mut dyn FnMut(Spring)| self.of(point, receive);
-        CoarseSpace::new(&body.points.position, dimension, free.collect(), springs)
     }
 
     /// Passes the springs of a point to `receive`.
@@ -140,10 +162,10 @@ impl<'a> Springs<'a> {
             }
             let other = self.point_in[slot] as usize;
             let sum = stiffness[point] * bond.weight + stiffness[other] * bond.dual;
+            let stiffness = 0.25 * (stand_in[point] + stand_in[other]) * volume * sum / bond.length;
+            let along = bond.xi.map(|xi| xi / bond.length);
             receive(Spring {
-                stiffness: 0.25 * (stand_in[point] + stand_in[other]) * volume * sum / bond.length,
-                across: self.across,
-                along: bond.xi.map(|xi| xi / bond.length),
+                stiffness: Spring::axial(stiffness, along, self.across),
                 to: other,
                 scale: scales[slot],
             });

@@ -11,10 +11,11 @@ use perimelt_core::{Body, Step, Work, World};
 
 use super::coarse::Coarse;
 use super::keys::{MechanicalSolver, tolerance};
+use super::nodes::PointLoads;
 use super::residual::{Linearised, Residual, Tangent};
 use super::rigid::{free_rigid_modes, rigid_modes};
 use super::solid::{Solid, Stiffness, Wanted};
-use super::step::MechanicalRun;
+use super::step::{MechanicalRun, MechanicalState};
 
 /// The solvers of equilibrium with what they keep between steps.
 #[derive(Debug)]
@@ -65,10 +66,16 @@ impl Statics {
 
     /// Updates the free rigid modes and the coarse space of `body` where held points, moduli or bonds changed, and
     /// chooses the Krylov method.
-    fn update(&mut self, residual: &mut Residual<'_>, body: &Body) -> Result<(), SolverError> {
+    fn update(
+        &mut self,
+        residual: &mut Residual<'_>,
+        body: &Body,
+        present: &[bool],
+    ) -> Result<(), SolverError> {
         let held = residual.constraint.iter().filter(|c| **c > 0.0).count();
         if self.rigid.as_ref().is_none_or(|rigid| rigid.held != held) {
-            let mut modes = rigid_modes(&body.points.position, body.dimension);
+            let positions = residual.solid.base().nodes.positions(body);
+            let mut modes = rigid_modes(positions, body.dimension);
             for mode in &mut modes {
                 let (points, _) = mode.as_chunks_mut::<3>();
                 let points = points.iter_mut().zip(residual.present);
@@ -79,7 +86,7 @@ impl Statics {
             let space = free_rigid_modes(residual, modes)?;
             self.rigid = Some(FreeRigidModes { held, space });
         }
-        self.coarse.update(body, residual);
+        self.coarse.update(body, residual, present);
         // Traction layers follow the points, but points do not follow the layers: this makes the tangent
         // nonsymmetric. So does plastic flow that follows another strain than that of the bonds, or whose law is nonsymmetric.
         let nonsymmetric = residual.rules.iter().any(|r| r.traction.is_some())
@@ -126,11 +133,16 @@ pub(super) fn newton(
     world: &World,
     step: Step,
 ) -> Result<Work, SolverError> {
-    let body_force = run.fields.body_force.map(|b| world.read(b));
+    let force = run.fields.body_force.map(|b| world.read(b));
+    let moment = run.fields.body_force_moment.map(|m| world.read(m));
+    let loads = PointLoads {
+        force: force.as_deref().unwrap_or(&[]),
+        moment: moment.as_deref().unwrap_or(&[]),
+    };
+    let nodes = run.nodes().clone();
     let constraint = &run.constraints(world)[..];
     let rules = world.layer_rules(run.layers);
     let mut displacement = world.write(run.fields.displacement);
-    let state: &mut [f64] = bytemuck::cast_slice_mut(&mut displacement);
     let body = world.body(run.body);
     let is_plastic = run.fields.plastic.is_some();
     let MechanicalRun {
@@ -138,22 +150,28 @@ pub(super) fn newton(
         statics,
         relative_volume,
         work,
+        state:
+            MechanicalState {
+                corners,
+                present: points,
+                ..
+            },
         ..
     } = run;
+    let (body_force, present) = (nodes.loads(loads, points), nodes.present(points));
+    let state = nodes.unknowns(&mut displacement, corners);
     let mut residual = Residual {
         solid: &mut **solid,
         homogeneous: rules.iter().map(LayerRule::homogeneous).collect(),
         rules: &rules,
-        body_force: body_force
-            .as_deref()
-            .map_or(&[], |b| bytemuck::cast_slice(b)),
+        body_force: &body_force,
         volumes: (!relative_volume.is_empty()).then_some(&relative_volume[..]),
         constraint,
-        present: &run.state.present,
+        present: &present,
         dimension: body.dimension,
         tangent: Tangent::of(is_plastic, statics.newton.options.linear),
     };
-    statics.update(&mut residual, body)?;
+    statics.update(&mut residual, body, points)?;
     let rigid = statics.rigid.as_ref().map(|rigid| &rigid.space);
 
     let held = work.iter_mut().zip(held_part(state, constraint));
@@ -192,6 +210,9 @@ pub(super) fn newton(
         Err(error) if is_plastic => Err(about_flow(error)),
         report => report,
     }?;
+    if let Some(corners) = nodes.corners() {
+        corners.mean(&run.state.corners, &mut displacement);
+    }
     Ok(Work {
         iterations: report.krylov_iterations,
         evaluations: report.evaluations + usize::from(is_guessed),

@@ -25,6 +25,8 @@ pub(super) struct Fields {
     /// For a body that grows.
     pub(super) birth_strain: Option<Write<Matrix3<f64>>>,
     pub(super) body_force: Option<Read<Vector3<f64>>>,
+    /// Where loads act at the faces of cells.
+    pub(super) body_force_moment: Option<Read<Matrix3<f64>>>,
     /// For the explicit solver.
     pub(super) impulse: Option<Read<Vector3<f64>>>,
     /// If boundaries hold points.
@@ -173,6 +175,7 @@ impl Fields {
                 false => None,
             },
             body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
+            body_force_moment: setup.consume_if_added(body, &keys::BODY_FORCE_MOMENT)?,
             impulse: match is_explicit {
                 true => setup.take_if_added(body, &keys::IMPULSE)?,
                 false => None,

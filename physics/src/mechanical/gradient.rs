@@ -78,7 +78,8 @@ fn inverse_of_born(family: &Family, point: usize, dimension: usize) -> Matrix3<f
 #[derive(Debug)]
 pub(super) struct Gradient {
     dimension: usize,
-    /// `K^-1`, 1/m; zero in the components that the dimension leaves out, and of loose points.
+    /// `K^-1`, 1/m; zero in the components that the dimension leaves out, and of loose points. Empty for cells of which none
+    /// is loose.
     pub(super) inverse_shape: Vec<Matrix3<f64>>,
     /// Broken bonds of each point when its tensor was inverted.
     lost: Vec<u32>,
@@ -119,6 +120,38 @@ impl Gradient {
             stress_free: StressFreeDisplacement::default(),
             is_stress_free_current: true,
         })
+    }
+
+    /// Gradients over the cells of points, which are never loose while they have material.
+    pub(super) fn of_cells(points: usize, dimension: usize) -> Self {
+        Gradient {
+            dimension,
+            inverse_shape: Vec::new(),
+            values: vec![Matrix3::zeros(); points],
+            sums: Vec::new(),
+            lost: Vec::new(),
+            stress_free: StressFreeDisplacement::default(),
+            is_stress_free_current: true,
+        }
+    }
+
+    /// Lets those points be loose that have no material.
+    pub(super) fn set_present(&mut self, present: &[bool]) {
+        let shape = |present: &bool| match present {
+            true => Matrix3::identity(),
+            false => Matrix3::zeros(),
+        };
+        self.inverse_shape = present.iter().map(shape).collect();
+    }
+
+    /// H of each cell, with whether its point is loose.
+    pub(super) fn cells_mut(
+        &mut self,
+    ) -> impl IndexedParallelIterator<Item = (&mut Matrix3<f64>, bool)> {
+        let shapes = &self.inverse_shape;
+        let is_loose = |point: usize| shapes.get(point).is_some_and(|k| k[(0, 0)] == 0.0);
+        let values = self.values.par_iter_mut().enumerate();
+        values.map(move |(point, value)| (value, is_loose(point)))
     }
 
     /// Inverts the shape tensors of the points whose bonds changed when the family last grew.
@@ -173,7 +206,8 @@ impl Gradient {
 
     /// Whether a point has too few bonds for a strain of its own.
     pub(super) fn is_loose(&self, point: usize) -> bool {
-        self.inverse_shape[point][(0, 0)] == 0.0
+        let shape = self.inverse_shape.get(point);
+        shape.is_some_and(|inverse| inverse[(0, 0)] == 0.0)
     }
 
     /// Inverts the shape tensors of points whose bonds broke; whether there were any.

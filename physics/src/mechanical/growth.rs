@@ -33,8 +33,11 @@
 //! A body in motion (`explicit`) gets its material at the velocity of what is around it. The balance of momentum counts what
 //! comes and goes with material as given.
 //!
-//! Correspondence solids only: their stress belongs to points. A bond of the other solids has the mean of the strains of its
-//! ends, and a point born beside a loaded one would not be free of stress.
+//! Points of staggered solids have the family of their own corners: births change no H of others, and new corners continue the
+//! displacement of those with which they share a cell.
+//!
+//! Correspondence and staggered solids only: their stress belongs to points. A bond of the other solids has the mean of the strains
+//! of its ends, and a point born beside a loaded one would not be free of stress.
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::{ByRules, Continuation, LayerRule};
@@ -48,6 +51,7 @@ use super::keys::{Formulation, Mechanical};
 use super::moduli::Moduli;
 use super::momentum::{Momentum, place};
 use super::solid::{PointStates, StressFreeStrain, Wanted};
+use super::staggered::Births;
 use super::step::MechanicalRun;
 use super::surface_stress::SurfaceStress;
 
@@ -55,7 +59,7 @@ use super::surface_stress::SurfaceStress;
 const CONTINUED: f64 = 2e-3;
 
 /// The part of a displacement gradient that is continued to new material: the rotation, and strain up to [`CONTINUED`].
-fn continued_part(gradient: &Matrix3<f64>) -> Matrix3<f64> {
+pub(super) fn continued_part(gradient: &Matrix3<f64>) -> Matrix3<f64> {
     let strain = 0.5 * (gradient + gradient.transpose());
     let size = strain.norm();
     match size > CONTINUED {
@@ -81,9 +85,10 @@ pub(super) fn check(
     };
     let refuse =
         |key: &str, message: String, expected: &str| Err(SetupError::value(key, message, expected));
-    if keys.formulation != Formulation::Correspondence {
+    if matches!(keys.formulation, Formulation::Bond | Formulation::Ordinary) {
         let message = format!("`formulation = \"bond\"` and `\"ordinary\"` do not support {cause}");
-        return refuse("formulation", message, "`formulation = \"correspondence\"`");
+        let expected = "`formulation = \"correspondence\"` or `\"staggered\"`";
+        return refuse("formulation", message, expected);
     }
     if !grows {
         return Ok(());
@@ -254,9 +259,39 @@ impl MechanicalRun {
             return;
         };
         let mut birth_strain = world.write(birth_strain);
+        let is_born = |point: usize| present[point] && !was_present[point];
+        for (point, has_gained) in self.changed_families(&was_present) {
+            let strain = |gradient: &Matrix3<f64>| Point::strain(gradient, finite);
+            match self.state.present[point] {
+                true if has_gained => {
+                    birth_strain[point] += strain(&after[point]) - strain(&before[point]);
+                }
+                true => {}
+                false => birth_strain[point] = Matrix3::zeros(),
+            }
+        }
+        self.solid.relieve_modes(&is_born);
+        if let Some(plastic) = &self.fields.plastic {
+            // what is born has no flow of metal that was cut off there before
+            let mut strain = world.write(plastic.strain);
+            let mut equivalent = world.write(plastic.equivalent);
+            for point in (0..present.len()).filter(|point| is_born(*point)) {
+                (strain[point], equivalent[point]) = (Matrix3::zeros(), 0.0);
+            }
+        }
+    }
+
+    /// Points whose family changed with the presence of points, and whether it gained material: all of their neighbourhood, or,
+    /// where points have the family of their corners, those alone that were born or cut off.
+    fn changed_families(&self, was_present: &[bool]) -> Vec<(usize, bool)> {
+        let present = &self.state.present;
+        let is_born = |point: usize| present[point] && !was_present[point];
+        if self.nodes().corners().is_some() {
+            let changed = (0..present.len()).filter(|&p| present[p] != was_present[p]);
+            return changed.map(|point| (point, is_born(point))).collect();
+        }
         let family = self.solid.base().family();
         let point_in = family.points_of_slots();
-        let is_born = |point: usize| present[point] && !was_present[point];
         let has_gained = |point: usize| {
             let mut gained = is_born(point);
             family.for_each_bond(point, |_, bond, slot| {
@@ -264,24 +299,13 @@ impl MechanicalRun {
             });
             gained
         };
-        for &point in family.recalibrated() {
-            let point = point as usize;
-            let strain = |gradient: &Matrix3<f64>| Point::strain(gradient, finite);
-            match self.state.present[point] {
-                true if has_gained(point) => {
-                    birth_strain[point] += strain(&after[point]) - strain(&before[point]);
-                }
-                true => {}
-                false => birth_strain[point] = Matrix3::zeros(),
-            }
-        }
+        let changed = family.recalibrated().iter().map(|point| *point as usize);
+        changed.map(|point| (point, has_gained(point))).collect()
     }
 
     /// Gradients of the present displacement.
     fn gradients(&mut self, world: &World, rules: &[LayerRule]) -> Vec<Matrix3<f64>> {
-        let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
-        self.solid
-            .set_displacement(bytemuck::cast_slice(&displacement), rules);
+        self.set_displacement(world, rules);
         let wanted = Wanted {
             gradient: true,
             ..Wanted::default()
@@ -292,12 +316,26 @@ impl MechanicalRun {
     /// Sets the displacement of the points that are present now and were not before, from that of the others and its
     /// `gradients`.
     fn place_born(
-        &self,
+        &mut self,
         world: &World,
         was_present: &[bool],
         rules: &[LayerRule],
         gradients: &[Matrix3<f64>],
     ) {
+        if let Some(corners) = self.nodes().corners().cloned() {
+            let births = Births {
+                was_present,
+                present: &self.state.present,
+                gradients,
+                rules,
+            };
+            corners.place_born(&mut self.state.corners, births);
+            corners.mean(
+                &self.state.corners,
+                &mut world.write(self.fields.displacement),
+            );
+            return;
+        }
         let present = &self.state.present;
         let pairs = || was_present.iter().zip(present);
         let mut waiting: Vec<usize> = (0..present.len())

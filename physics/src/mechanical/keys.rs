@@ -12,7 +12,7 @@ use super::plasticity::{FlowSweep, PlasticitySection};
 use super::section::Section;
 use super::surface_stress::SurfaceStress;
 
-/// Thermoelastic solid: bond-based, ordinary state-based or by correspondence; owns `displacement` and `velocity`,
+/// Thermoelastic solid: bond-based, ordinary state-based, by correspondence or staggered; owns `displacement` and `velocity`,
 /// consumes `eigenstrain` and `body_force`, provides `stress` and `conjugate_stress`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -26,12 +26,13 @@ pub struct Mechanical {
     /// Plane stress or plane strain, for a 2D body.
     #[serde(default)]
     pub plane: Plane,
-    /// Stabilisation G of the zero-energy modes of `correspondence`.
-    #[serde(default = "tenth")]
+    /// Stabilisation G of the zero-energy modes of `correspondence` and `staggered`; default 0.1, for `staggered` that with which a
+    /// plate of one cell has its bending stiffness, or 0.2 (3D) and 0.3 (2D) with `plasticity`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0))]
-    pub stabilisation: f64,
+    pub stabilisation: Option<f64>,
     /// Horizon in spacings of each point, or `{ length = ... }` in m for a uniform one; default 3 spacings, or 2 for
-    /// `correspondence`.
+    /// `correspondence`. Points of `staggered` solids have no horizon.
     #[serde(default)]
     pub horizon: Option<Horizon>,
     /// Partial volume of neighbours at the edge of the horizon.
@@ -78,10 +79,6 @@ pub struct Mechanical {
     pub surface_stress: SurfaceStress,
 }
 
-fn tenth() -> f64 {
-    0.1
-}
-
 /// Law of the bond forces, which limits Poisson's ratio.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -95,6 +92,8 @@ pub enum Formulation {
     /// A force from the classical stress at both ends: exact for uniform strain on any cloud of points; most
     /// accurate with a horizon of 2 spacings.
     Correspondence,
+    /// Displacements at the corners of the cells of a lattice, stresses at the points: for metal that yields or is deposited.
+    Staggered,
 }
 
 /// Measure of stretch.
@@ -145,7 +144,7 @@ impl Mechanical {
                 Err(SetupError::value(key, message, "zero or above"))
             }
         };
-        at_least_zero("stabilisation", self.stabilisation)?;
+        at_least_zero("stabilisation", self.stabilisation.unwrap_or(0.0))?;
         match self.solver {
             MechanicalSolver::QuasiStatic { tolerance } if !(tolerance > 0.0) => {
                 let message = format!("the tolerance is {tolerance}");

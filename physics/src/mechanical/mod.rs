@@ -24,9 +24,11 @@
 //! | `validity` | warnings of states outside the validity of the model |
 //! | `layer_forces` | forces of bonds to layers that are no symmetric images |
 //! | [`solid`], `base` | what the solvers need of a formulation, and what all formulations have |
+//! | `nodes` | where the unknown displacement of a formulation lives |
 //! | [`plasticity`] | plastic flow: the law [`plasticity::FlowLaw`], and the states of points |
 //! | [`ordinary`], [`stretch`] | bond-based and ordinary state-based solids, their bond kernels and the law [`stretch::BondLaw`] |
 //! | [`correspondence`] | correspondence solids |
+//! | [`staggered`] | staggered solids: displacements at the corners of cells |
 //! | [`fracture`], [`interfaces`] | breaking bonds; strength between materials and across interfaces |
 //! | `stress_free` | stress-free strains that vary in space, as seen by the shape tensor |
 
@@ -66,6 +68,7 @@ mod momentum;
 #[cfg(test)]
 mod momentum_tests;
 mod motion;
+mod nodes;
 pub mod ordinary;
 pub mod plasticity;
 mod prepare;
@@ -77,6 +80,7 @@ mod rigid_motion_tests;
 pub mod section;
 pub mod solid;
 mod specialise;
+pub mod staggered;
 mod step;
 mod stress_free;
 #[cfg(test)]
@@ -89,6 +93,7 @@ mod validity;
 
 use perimelt_core::keys as core_keys;
 use perimelt_core::plugin::check_length;
+use perimelt_core::world::LoadedFaces;
 use perimelt_core::{
     Balance, Physics, PhysicsReport, Report, RunError, RunningPhysics, Setup, SetupError, Step,
     Stepping, Work, World,
@@ -107,6 +112,14 @@ const IMPLAUSIBLE_STRETCH: f64 = 5.0;
 
 #[typetag::serialize(name = "mechanical")]
 impl Physics for Mechanical {
+    fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        if self.formulation == Formulation::Staggered {
+            let body = setup.find_body(self.body.as_deref())?;
+            setup.publish(body, LoadedFaces)?;
+        }
+        Ok(())
+    }
+
     fn prepare(
         self: Box<Self>,
         setup: &mut Setup<'_>,
@@ -153,6 +166,7 @@ struct RunningMechanical {
 struct SavedMechanical {
     state: MechanicalState,
     broken: Option<FractureState>,
+    relieved: Vec<[[f64; 3]; 4]>,
 }
 
 /// A [`SavedMechanical`] without copies.
@@ -160,6 +174,7 @@ struct SavedMechanical {
 struct SavedMechanicalRef<'a> {
     state: &'a MechanicalState,
     broken: Option<&'a FractureState>,
+    relieved: &'a [[[f64; 3]; 4]],
 }
 
 impl RunningPhysics for RunningMechanical {
@@ -274,6 +289,7 @@ impl RunningPhysics for RunningMechanical {
         Box::new(SavedMechanicalRef {
             state: &self.run.state,
             broken: self.run.solid.base().fracture().map(|f| &f.state),
+            relieved: self.run.solid.relieved_modes(),
         })
     }
 
@@ -283,7 +299,16 @@ impl RunningPhysics for RunningMechanical {
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         let run = &mut self.run;
-        let SavedMechanical { state, broken } = erased_serde::deserialize(state)?;
+        let SavedMechanical {
+            state,
+            broken,
+            relieved,
+        } = erased_serde::deserialize(state)?;
+        let corners = match run.nodes().corners() {
+            Some(_) => run.work.len(),
+            None => 0,
+        };
+        check_length("corners", state.corners.len(), corners)?;
         if let (Some(own), Some(broken)) = (run.solid.base().fracture(), &broken) {
             let is_own = own.state.broken.is_of_same_family(&broken.broken);
             check_length("broken bonds", usize::from(is_own), 1)?;
@@ -292,6 +317,7 @@ impl RunningPhysics for RunningMechanical {
         run.state = state;
         run.scratch.note_load();
         run.restore_presence();
+        run.solid.replace_relieved_modes(relieved);
         if let Some(broken) = broken {
             run.solid.replace_fracture_state(broken);
         }

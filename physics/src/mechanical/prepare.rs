@@ -17,7 +17,8 @@ use super::moduli::Elasticity;
 use super::momentum::Balanced;
 use super::ordinary::Ordinary;
 use super::plasticity::{ChosenFlow, Plasticity};
-use super::solid::{Constitution, Solid};
+use super::solid::{Constitution, PointStates, Solid};
+use super::staggered::{self, Springs, Staggered};
 use super::step::{MechanicalRun, MechanicalState};
 use super::surface_stress::{Extrapolation, SurfaceStress};
 use super::validity::{Validity, shear_warning};
@@ -37,6 +38,9 @@ pub(super) fn run(
     let body = setup.find_body(keys.body.as_deref())?;
     growth::check(keys, setup, body)?;
     let layers = setup.layers(body, &keys::DISPLACEMENT);
+    if keys.formulation == Formulation::Staggered {
+        staggered::check(keys, &layers.rules)?;
+    }
     let family = family(keys, setup, body, layers.faces())?;
     let bent = layers
         .rules
@@ -79,7 +83,16 @@ pub(super) fn run(
     let is_plastic = features.flow.is_some();
     let is_linear = !(constitution.finite || is_plastic);
     let validity = Validity::new(setup.body(body), !constitution.finite, is_plastic);
-    let solid = solid(keys, setup, body, family, constitution)?;
+    let mut solid = solid(keys, setup, body, family, constitution)?;
+    if let (Some(_), Some(present)) = (
+        solid.base().nodes.corners(),
+        setup.world().present_points(body),
+    ) {
+        solid.set_points(PointStates {
+            present: Some(&present),
+            ..PointStates::default()
+        });
+    }
     let density = setup.world().density_at_points(body)?;
     let fields = Fields::declare(setup, body, features)?;
     Ok(MechanicalRun {
@@ -90,8 +103,8 @@ pub(super) fn run(
         body,
         layers: layers.handle,
         fields,
+        work: vec![0.0; 3 * solid.base().nodes.positions(setup.body(body)).len()],
         solid,
-        work: vec![0.0; 3 * density.len()],
         free_inverse_density: density.iter().flat_map(|rho| [1.0 / rho; 3]).collect(),
         density,
         relative_volume: relative_volumes(setup.body(body)),
@@ -126,6 +139,10 @@ fn family(
     body: BodyIndex,
     layers: Vec<Face>,
 ) -> Result<Arc<Family>, SetupError> {
+    if keys.formulation == Formulation::Staggered {
+        // no bonds
+        return Ok(Arc::new(Family::default()));
+    }
     let correspondence = keys.formulation == Formulation::Correspondence;
     let usual = Horizon::Spacings(if correspondence { 2.0 } else { 3.0 });
     let horizon = keys.horizon.unwrap_or(usual);
@@ -215,8 +232,30 @@ fn solid(
             Ok(Box::new(solid.map_err(refused)?))
         }
         Formulation::Correspondence => {
-            let solid = Correspondence::new(body, family, constitution, keys.stabilisation);
+            let stabilisation = keys.stabilisation.unwrap_or(0.1);
+            let solid = Correspondence::new(body, family, constitution, stabilisation);
             Ok(Box::new(solid.map_err(refused)?))
         }
+        Formulation::Staggered => staggered(keys, body, constitution),
     }
+}
+
+/// The staggered solid of a body on a lattice.
+fn staggered(
+    keys: &Mechanical,
+    body: &Body,
+    constitution: Constitution,
+) -> Result<Box<dyn Solid>, SetupError> {
+    let lattice = staggered::lattice(body)?;
+    let springs = match (keys.stabilisation, &constitution.plasticity) {
+        (Some(factor), _) => Springs::Factor(factor),
+        (None, None) => Springs::Bending,
+        // elastic springs hold what has yielded beside them (docs/theory/mechanics.md)
+        (None, Some(_)) => Springs::Factor(if body.dimension == 3 { 0.2 } else { 0.3 }),
+    };
+    Ok(match body.dimension {
+        1 => Box::new(Staggered::<1>::new(body, lattice, constitution, springs)),
+        2 => Box::new(Staggered::<2>::new(body, lattice, constitution, springs)),
+        _ => Box::new(Staggered::<3>::new(body, lattice, constitution, springs)),
+    })
 }

@@ -5,6 +5,7 @@ use std::fmt::Debug;
 use nalgebra::Matrix3;
 use perimelt_core::Body;
 use perimelt_core::family::{AxisPlane, LayerRule};
+use perimelt_core::solver::Spring;
 
 use super::base::SolidBase;
 use super::fracture::{Fracture, FractureState, NewBreaks};
@@ -42,7 +43,7 @@ impl Constitution {
 /// Forces, stiffness, energy and stress of a body in one formulation. Vectors have three components
 /// per point whatever the dimension; those that the dimension leaves out are zero. Symmetric tensors
 /// are xx, yy, zz, xy, yz, zx.
-pub trait Solid: Debug {
+pub trait Solid: Debug + Sync {
     /// What solids of all formulations have.
     fn base(&self) -> &SolidBase;
 
@@ -72,9 +73,25 @@ pub trait Solid: Debug {
     /// Diagonal block of the elastic stiffness of each point, N/m⁵, or an estimate of it.
     fn blocks(&mut self) -> &[[f64; 6]];
 
+    /// Passes the elastic stiffness between a node and each node that it acts on to `receive`, N/m⁵, for the coarse space.
+    /// Solids with bonds pass nothing: their bonds are springs.
+    fn couplings(&self, _node: usize, _receive: &mut dyn FnMut(Spring)) {}
+
     /// An upper bound of the eigenfrequencies of the body, whose layers follow `rules`, in any state of damage, rad/s;
     /// `density` in kg/m³ by point.
     fn largest_frequency(&mut self, density: &[f64], rules: &[LayerRule]) -> f64;
+
+    /// Lets the points for which `is_relieved` says so be free of stress in those modes of the displacement that was set which
+    /// have no gradient. Solids without springs for single points have no such modes.
+    fn relieve_modes(&mut self, _is_relieved: &dyn Fn(usize) -> bool) {}
+
+    /// The modes at which points are free of stress, by mode and axis, m; empty where none was relieved.
+    fn relieved_modes(&self) -> &[[[f64; 3]; 4]] {
+        &[]
+    }
+
+    /// Replaces [`Solid::relieved_modes`].
+    fn replace_relieved_modes(&mut self, _modes: Vec<[[f64; 3]; 4]>) {}
 
     /// Replaces the broken bonds, and invalidates what was computed from them; returns those before. `None` if
     /// bonds do not break.

@@ -6,17 +6,17 @@ use perimelt_core::solver::Verlet;
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{Step, World};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::classical;
 use super::energy::Energy;
 use super::energy_watch::{EnergyWatch, Scratch};
 use super::equilibrium::Statics;
-use super::fields::{Damage, Fields, Hold, VariableField};
+use super::fields::{Damage, Fields, VariableField};
 use super::fracture::FractureState;
 use super::moduli::Moduli;
 use super::momentum::{Balanced, Momentum};
+use super::nodes::{Held, HeldNodes, Nodes};
 use super::plasticity::Inelastic;
 use super::solid::{PointModuli, PointStates, Solid, StressKind, Wanted};
 use super::surface_stress::Extrapolation;
@@ -36,7 +36,7 @@ pub(super) struct MechanicalRun {
     /// Volume over mean volume of each component, if points differ; else empty.
     pub(super) relative_volume: Vec<f64>,
     pub(super) statics: Statics,
-    /// Three components for each point.
+    /// Three components for each node.
     pub(super) work: Vec<f64>,
     /// Sum of the largest eigenstrain and the largest inelastic strain.
     pub(super) eigenstrain_size: f64,
@@ -57,6 +57,8 @@ pub(super) struct MechanicalRun {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct MechanicalState {
     pub(super) verlet: Verlet,
+    /// Displacement of the corners of cells by component, m, where these are the nodes; else empty.
+    pub(super) corners: Vec<f64>,
     /// The body force in the force that `verlet` carries to the next step, N/m³; empty if there is none.
     pub(super) loaded_body_force: Vec<f64>,
     /// Sum of the forces of the surroundings in that force, N, and of their moments, unless points were held anew.
@@ -80,6 +82,10 @@ impl MechanicalRun {
     /// Completes the initial state.
     pub(super) fn start(&mut self, world: &World) {
         self.state.present = world.present_points(self.body).unwrap_or_default();
+        if let Some(corners) = self.nodes().corners() {
+            let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
+            self.state.corners = corners.around_points(&displacement);
+        }
         self.set_in_motion(world);
         let temperature = world.read_if_provided(self.fields.temperature);
         let body = world.body(self.body);
@@ -114,57 +120,76 @@ impl MechanicalRun {
         }
         self.note_loads(world);
         self.load_plasticity(world, temperature.as_deref(), step.size);
-        if let Some(hold) = self.fields.hold
-            && self.stop_held_points(world, hold, step.size)
-        {
-            self.hold_points(world, hold);
+        let is_held_anew = match self.fields.hold {
+            Some(hold) => self.stop_held_points(world, hold, step.size),
+            None => self.nodes().corners().is_some(),
+        };
+        if is_held_anew {
+            self.hold_nodes(world);
         }
+    }
+
+    pub(super) fn nodes(&self) -> &Nodes {
+        &self.solid.base().nodes
+    }
+
+    /// Passes what holds the nodes, and the displacement of the points, to `use_held`.
+    fn with_held<R>(&self, world: &World, use_held: impl FnOnce(HeldNodes<'_>) -> R) -> R {
+        let hold = self
+            .fields
+            .hold
+            .map(|hold| (world.read(hold.constraint), world.read(hold.displacement)));
+        let held = hold
+            .as_ref()
+            .map_or_else(Held::default, |(count, sum)| Held { count, sum });
+        let rules = world.layer_rules(self.layers);
+        use_held(self.nodes().held(held, &rules, &self.state.present))
     }
 
     /// Sets held components of the displacement to the mean of the values at which boundaries hold them. In explicit motion
     /// `work` then has their movement.
-    fn hold_points(&mut self, world: &World, hold: Hold) {
-        let (constraint, held) = (world.read(hold.constraint), world.read(hold.displacement));
-        let mut displacement = world.write(self.fields.displacement);
-        let points = displacement.par_iter_mut().zip(&*constraint).zip(&*held);
-        let points = points.zip(self.work.par_chunks_mut(3));
-        points
-            .with_min_len(4096)
-            .for_each(|(((u, c), h), movement)| {
-                for axis in 0..3 {
-                    let before = u[axis];
-                    if c[axis] > 0.0 {
-                        u[axis] = h[axis] / c[axis];
-                    }
-                    movement[axis] = u[axis] - before;
-                }
-            });
+    fn hold_nodes(&mut self, world: &World) {
+        let mut work = std::mem::take(&mut self.work);
+        let mut corners = std::mem::take(&mut self.state.corners);
+        self.with_held(world, |held| {
+            let mut displacement = world.write(self.fields.displacement);
+            let unknowns = self.nodes().unknowns(&mut displacement, &mut corners);
+            held.place(unknowns, &mut work);
+        });
+        (self.work, self.state.corners) = (work, corners);
         if self.fields.velocity.is_some() {
             self.scratch.has_moved = true;
             self.add_half_work_of_held(world);
         }
     }
 
-    /// Number of boundaries that hold each component of the displacement; points without material count as held.
+    /// Number of boundaries that hold each component of the displacement; nodes without material count as held.
     pub(super) fn constraints(&self, world: &World) -> Vec<f64> {
-        let mut constraint = match self.fields.hold {
-            Some(hold) => bytemuck::cast_slice(&world.read(hold.constraint)).to_vec(),
-            None => vec![0.0; self.work.len()],
-        };
-        let (points, _) = constraint.as_chunks_mut::<3>();
-        for (point, present) in points.iter_mut().zip(&self.state.present) {
-            if !present {
-                *point = [1.0; 3];
-            }
-        }
+        let mut constraint = self.with_held(world, |held| held.count.into_owned());
+        constraint.resize(self.work.len(), 0.0);
+        let (nodes, _) = constraint.as_chunks_mut::<3>();
+        let present = self.nodes().present(&self.state.present);
+        let absent = nodes
+            .iter_mut()
+            .zip(&*present)
+            .filter(|(_, present)| !**present);
+        absent.for_each(|(node, _)| *node = [1.0; 3]);
         constraint
     }
 
     pub(super) fn load_displacement(&mut self, world: &World) {
-        let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
         let rules = world.layer_rules(self.layers);
-        self.solid
-            .set_displacement(bytemuck::cast_slice(&displacement), &rules);
+        self.set_displacement(world, &rules);
+    }
+
+    /// Passes the displacement and the layers to the solid.
+    pub(super) fn set_displacement(&mut self, world: &World, rules: &[LayerRule]) {
+        let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
+        let unknowns = match self.nodes() {
+            Nodes::Points => bytemuck::cast_slice(&displacement),
+            Nodes::Corners(_) => &self.state.corners[..],
+        };
+        self.solid.set_displacement(unknowns, rules);
     }
 
     /// Takes the plastic state from the fields, and the constants of the law at the temperature of each point for a step (s).
@@ -274,6 +299,8 @@ impl MechanicalRun {
         if let Some(plasticity) = self.solid.base_mut().plasticity() {
             plasticity.anneal(&temperature, &stress, |i| moduli[i]);
         }
+        self.solid
+            .relieve_modes(&|point| temperature[point] >= limit);
     }
 
     /// Breaks the bonds that exceed their limit in the displacement of the last force and whose load is at

@@ -254,6 +254,7 @@ fn an_inherent_strain_is_refused_where_points_have_no_stress() {
         ("bond", true),
         ("ordinary", true),
         ("correspondence", false),
+        ("staggered", false),
     ] {
         let body = block([9, 8, 1], 2, 1e-3, Store::Lattice, MATERIAL);
         let mut world = World::new(vec![body]);

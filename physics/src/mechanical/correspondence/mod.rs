@@ -32,7 +32,7 @@ use perimelt_core::{Body, Bond, Family, Image, SlotField};
 use rayon::prelude::*;
 
 use super::base::{Properties, SolidBase};
-use super::classical::{COMPONENTS, Point, symmetric};
+use super::classical::{COMPONENTS, Point};
 use super::fracture::{BondLoads, Fracture, FractureState, NewBreaks};
 use super::gradient::{FlatFamily, Gradient, RISE};
 use super::moduli::Moduli;
@@ -156,18 +156,7 @@ impl Correspondence {
 
     /// The law of a point for the given kind of strain.
     fn point(&self, i: usize, strain: StrainKind) -> Point {
-        let law = self.base.elastic.strained(&self.gradient).law(i);
-        let law = match strain {
-            StrainKind::Elastic => law,
-            StrainKind::Total | StrainKind::Change => law.of_change(),
-        };
-        match (&self.base.plasticity, strain) {
-            (None, _) | (_, StrainKind::Total) => law,
-            (Some(p), StrainKind::Elastic) => {
-                law.with_inelastic(p.stress_state, p.states.tried()[i].strain)
-            }
-            (Some(p), StrainKind::Change) => law.with_inelastic(p.stress_state, p.change[i]),
-        }
+        self.base.law_of(&self.gradient, i, strain)
     }
 }
 
@@ -261,19 +250,9 @@ impl Correspondence {
         let mut energy = std::mem::take(&mut self.base.energy);
         for (i, energy) in energy.iter_mut().enumerate() {
             let (gradient, point) = (&self.gradient.values[i], self.point(i, StrainKind::Total));
-            let mut strain = Point::strain(gradient, self.base.elastic.finite);
-            if let Some(stress_free) = self.base.elastic.stress_free.get(i) {
-                strain -= symmetric(stress_free);
-            }
-            let stress = point.stress(&strain);
+            let [density, conjugate] = self.base.total_energy(i, &point, gradient);
             let modes = self.energy_of_modes(i, gradient, &extension);
-            let conjugate = (0..self.base.dimension)
-                .map(|a| stress[(a, a)])
-                .sum::<f64>();
-            *energy = [
-                0.5 * stress.dot(&strain) + modes,
-                conjugate * point.moduli.swelling,
-            ];
+            *energy = [density + modes, conjugate];
         }
         self.base.energy = energy;
     }
@@ -385,7 +364,8 @@ impl Solid for Correspondence {
         self.load_gradient();
         let strain = match (kind, &mut self.base.plasticity) {
             (Stiffness::Plastic, Some(plasticity)) => {
-                plasticity.follow(&self.gradient.values);
+                let values = &self.gradient.values;
+                plasticity.follow(|i| values[i]);
                 StrainKind::Change
             }
             _ => StrainKind::Total,

@@ -338,7 +338,7 @@ impl Solid for Ordinary {
         };
         let broken = self.base.fracture.as_ref().map(Fracture::broken);
         gradient.evaluate(&self.base.family, self.inputs.displacement(), broken);
-        plasticity.follow(&gradient.values);
+        plasticity.follow(|i| gradient.values[i]);
         self.load_inelastic(StrainKind::Change);
         self.load_pressure(StrainKind::Change, false);
         self.sum_forces(Sum::Change, out);

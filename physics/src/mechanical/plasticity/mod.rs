@@ -179,13 +179,18 @@ impl Plasticity {
     }
 
     /// Sets the change of the inelastic strains under a change of the displacement gradients.
-    pub(super) fn follow(&mut self, gradients: &[Matrix3<f64>]) {
+    pub(super) fn follow(&mut self, gradient: impl Fn(usize) -> Matrix3<f64>) {
         self.change.fill([0.0; 6]);
         for (i, tangent) in &self.tangents {
-            let strain = Point::strain(&gradients[*i], false);
+            let strain = Point::strain(&gradient(*i), false);
             let change = tangent * Vector6::from(COMPONENTS.map(|at| strain[at]));
             self.change[*i] = change.into();
         }
+    }
+
+    /// The points that flow in the linearised state.
+    pub(super) fn flowing(&self) -> impl Iterator<Item = usize> {
+        self.tangents.iter().map(|(point, _)| *point)
     }
 
     /// Stress of each point in the trial state, Pa, without the rotation of the point.

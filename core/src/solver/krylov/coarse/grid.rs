@@ -263,12 +263,7 @@ impl CoarseGrid {
                 let shift: [isize; 3] = std::array::from_fn(|axis| {
                     cells[1][axis].wrapping_sub(cells[0][axis]) as isize
                 });
-                let stiffness: [[f64; 3]; 3] = std::array::from_fn(|a| {
-                    std::array::from_fn(|b| {
-                        let both = (1.0 - spring.across) * spring.along[a] * spring.along[b];
-                        spring.stiffness * if a == b { both + spring.across } else { both }
-                    })
-                });
+                let stiffness = spring.stiffness;
                 accumulate(&mut own, [1.0; 3], &stiffness);
                 let end = |row: [f64; 3]| std::array::from_fn(|b| -spring.scale[b] * row[b]);
                 follow(spring.to, shift, stiffness.map(end));

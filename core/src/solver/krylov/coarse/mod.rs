@@ -23,19 +23,27 @@ const DAMPING: f64 = 0.6;
 /// Number of cells whose stiffness is held in memory at once.
 const BATCH: usize = 64;
 
-/// A spring from a point to another point or to its mirror image.
+/// A spring from a point to another point or to its mirror image. Springs between two points have transposed stiffnesses.
 #[derive(Clone, Copy, Debug)]
 pub struct Spring {
-    /// Force over extension.
-    pub stiffness: f64,
-    /// Fraction of the stiffness that also resists motion across the spring (-).
-    pub across: f64,
-    /// Unit vector.
-    pub along: [f64; 3],
+    /// Force on the point by the displacement of the other end relative to it, by rows.
+    pub stiffness: [[f64; 3]; 3],
     /// The point at the other end, or the point whose image is there.
     pub to: usize,
     /// Factors on the displacement of `to`: those of its image, or one.
     pub scale: [f64; 3],
+}
+
+impl Spring {
+    /// Stiffness of a spring along a unit vector, force over extension; a fraction of it also resists motion `across`.
+    pub fn axial(stiffness: f64, along: [f64; 3], across: f64) -> [[f64; 3]; 3] {
+        std::array::from_fn(|a| {
+            std::array::from_fn(|b| {
+                let both = (1.0 - across) * along[a] * along[b];
+                stiffness * if a == b { both + across } else { both }
+            })
+        })
+    }
 }
 
 /// Displacements of the nodes of a coarse grid, and the factors of the stiffness between them.

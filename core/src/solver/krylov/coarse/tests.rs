@@ -27,9 +27,11 @@ impl Beam {
                 let length = step.map(|s| (s * s) as f64).iter().sum::<f64>().sqrt();
                 let soft = 2 * c[0] < cells[0] && 2 * other[0] < cells[0];
                 Some(Spring {
-                    stiffness: if soft { softness } else { 1.0 },
-                    across: 0.0,
-                    along: step.map(|s| s as f64 / length),
+                    stiffness: Spring::axial(
+                        if soft { softness } else { 1.0 },
+                        step.map(|s| s as f64 / length),
+                        0.0,
+                    ),
                     to: number(other)?,
                     scale: [1.0; 3],
                 })
@@ -55,9 +57,8 @@ impl Beam {
         for point in 0..self.position.len() {
             let mut force = Vector3::zeros();
             for spring in &self.springs[point] {
-                let along = Vector3::from(spring.along);
-                let change = at(point) - at(spring.to);
-                force += spring.stiffness * along.dot(&change) * along;
+                let stiffness = nalgebra::Matrix3::from(spring.stiffness).transpose();
+                force += stiffness * (at(point) - at(spring.to));
             }
             for axis in 0..3 {
                 let free = self.free[point][axis];
@@ -83,7 +84,7 @@ impl Beam {
         let null_space = NullSpace::new((0..if free { 6 } else { 0 }).map(modes).collect());
         let diagonal = |i: usize| {
             let springs = self.springs[i / 3].iter();
-            let sum: f64 = springs.map(|s| s.stiffness * s.along[i % 3].powi(2)).sum();
+            let sum: f64 = springs.map(|s| s.stiffness[i % 3][i % 3]).sum();
             if self.free[i / 3][i % 3] == 0.0 {
                 1.0
             } else {

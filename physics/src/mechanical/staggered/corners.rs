@@ -1,0 +1,232 @@
+//! Corners of the cells of a lattice: their numbers, and what reaches them from the points around.
+
+use nalgebra::Vector3;
+use perimelt_core::body::{Lattice, NO_POINT};
+use perimelt_core::family::LayerRule;
+use perimelt_core::{Body, Face};
+use rayon::prelude::*;
+
+use crate::mechanical::nodes::{Held, HeldNodes, PointLoads};
+
+/// Corners of a cell in three dimensions.
+pub(in crate::mechanical) const CORNERS: usize = 8;
+
+/// Side of a corner of a cell along an axis: bit `axis` of its number is set at the upper side.
+#[inline(always)]
+pub(in crate::mechanical) fn sign(corner: usize, axis: usize) -> f64 {
+    if corner >> axis & 1 == 1 { 1.0 } else { -1.0 }
+}
+
+/// The corners of the cells of a body on a lattice.
+#[derive(Debug)]
+pub struct Corners {
+    dimension: usize,
+    /// m.
+    pub(super) spacing: f64,
+    /// The corners of the cell of each point.
+    pub(super) of_point: Vec<[u32; CORNERS]>,
+    /// The point of whose cell a corner is the one with each number; [`NO_POINT`] where there is none.
+    pub(super) points: Vec<[u32; CORNERS]>,
+    /// m.
+    pub(in crate::mechanical) position: Vec<Vector3<f64>>,
+    /// Corners on the faces of the box.
+    on_face: [Vec<u32>; 6],
+}
+
+impl Corners {
+    /// Numbers the corners of the cells of `body`, x fastest.
+    pub(super) fn new(body: &Body, lattice: &Lattice) -> Self {
+        let dimension = body.dimension;
+        let size: [usize; 3] =
+            std::array::from_fn(|a| lattice.cells[a] + usize::from(a < dimension));
+        let place = |cell: &[u32; 3], corner: usize| {
+            let at: [usize; 3] = std::array::from_fn(|a| cell[a] as usize + (corner >> a & 1));
+            (at[2] * size[1] + at[1]) * size[0] + at[0]
+        };
+        let count = 1 << dimension;
+        let mut number = vec![NO_POINT; size.iter().product()];
+        for cell in &lattice.cell_of_point {
+            (0..count).for_each(|corner| number[place(cell, corner)] = 0);
+        }
+        let mut position = Vec::new();
+        let mut on_face: [Vec<u32>; 6] = Default::default();
+        for (index, number) in number.iter_mut().enumerate().filter(|(_, n)| **n == 0) {
+            *number = position.len() as u32;
+            let at = [
+                index % size[0],
+                index / size[0] % size[1],
+                index / (size[0] * size[1]),
+            ];
+            let mut x = lattice.origin + Vector3::from(at.map(|n| n as f64 * lattice.spacing));
+            (dimension..3).for_each(|a| x[a] += 0.5 * lattice.spacing);
+            position.push(x);
+            for face in Face::ALL.into_iter().filter(|f| f.axis() < dimension) {
+                let last = if face.is_upper() {
+                    lattice.cells[face.axis()]
+                } else {
+                    0
+                };
+                if at[face.axis()] == last {
+                    on_face[face as usize].push(*number);
+                }
+            }
+        }
+        let mut points = vec![[NO_POINT; CORNERS]; position.len()];
+        let cells = lattice.cell_of_point.iter().enumerate();
+        let of_point = cells.map(|(point, cell)| {
+            let mut corners = [0; CORNERS];
+            for (corner, entry) in corners.iter_mut().enumerate().take(count) {
+                *entry = number[place(cell, corner)];
+                points[*entry as usize][corner] = point as u32;
+            }
+            corners
+        });
+        let of_point = of_point.collect();
+        Corners {
+            dimension,
+            spacing: lattice.spacing,
+            of_point,
+            points,
+            position,
+            on_face,
+        }
+    }
+
+    /// Number of corners of a cell.
+    fn of_cell(&self) -> usize {
+        1 << self.dimension
+    }
+
+    /// The points around a corner that have material, with its number in their cells; an empty `present` means all.
+    pub(in crate::mechanical) fn around<'a>(
+        &'a self,
+        corner: usize,
+        present: &'a [bool],
+    ) -> impl Iterator<Item = (usize, usize)> + 'a {
+        let points = self.points[corner].iter().enumerate();
+        let points = points.map(|(number, &point)| (number, point as usize));
+        points.filter(|(_, point)| {
+            *point != NO_POINT as usize && (present.is_empty() || present[*point])
+        })
+    }
+
+    /// The corners of the cell of a point.
+    pub(in crate::mechanical) fn of(&self, point: usize) -> &[u32] {
+        &self.of_point[point][..self.of_cell()]
+    }
+
+    /// Whether each corner has material around it; empty if all points have.
+    pub(in crate::mechanical) fn present(&self, present: &[bool]) -> Vec<bool> {
+        match present.is_empty() {
+            true => Vec::new(),
+            false => {
+                let corners = (0..self.points.len()).into_par_iter();
+                let has_material = |corner| self.around(corner, present).next().is_some();
+                corners.map(has_material).collect()
+            }
+        }
+    }
+
+    /// Displacement (m) of each point: the mean of its corners.
+    pub(in crate::mechanical) fn mean(&self, corners: &[f64], points: &mut [Vector3<f64>]) {
+        let (corners, _) = corners.as_chunks::<3>();
+        let factor = 1.0 / self.of_cell() as f64;
+        let all = points.par_iter_mut().enumerate().with_min_len(1024);
+        all.for_each(|(point, mean)| {
+            *mean = Vector3::zeros();
+            for &corner in self.of(point) {
+                *mean += Vector3::from(corners[corner as usize]);
+            }
+            *mean *= factor;
+        });
+    }
+
+    /// Displacement (m) of each corner from that of points: the mean of the points around.
+    pub(in crate::mechanical) fn around_points(&self, points: &[Vector3<f64>]) -> Vec<f64> {
+        let mean = |corner: usize| {
+            let around = || self.around(corner, &[]);
+            let sum: Vector3<f64> = around().map(|(_, point)| points[point]).sum();
+            <[f64; 3]>::from(sum / around().count() as f64)
+        };
+        (0..self.points.len()).flat_map(mean).collect()
+    }
+
+    /// Force per volume of a point (N/m³) on each corner. A force that acts at a face of a cell goes to its corners.
+    pub(in crate::mechanical) fn loads(&self, loads: PointLoads<'_>, present: &[bool]) -> Vec<f64> {
+        let PointLoads { force, moment } = loads;
+        let (share, arm) = (1.0 / self.of_cell() as f64, 2.0 / self.spacing);
+        let mut out = vec![[0.0; 3]; self.points.len()];
+        let all = out.par_iter_mut().enumerate().with_min_len(1024);
+        all.for_each(|(corner, sum)| {
+            for (number, point) in self.around(corner, present) {
+                for (axis, sum) in sum.iter_mut().enumerate() {
+                    *sum += share * force.get(point).map_or(0.0, |force| force[axis]);
+                    if let Some(moment) = moment.get(point) {
+                        let towards = |a: usize| moment[(axis, a)] * sign(number, a);
+                        *sum += share * arm * (0..self.dimension).map(towards).sum::<f64>();
+                    }
+                }
+            }
+        });
+        out.into_flattened()
+    }
+
+    /// The corners that are held.
+    ///
+    /// A face holds its corners. A corner is held along with the points around it if all of them are; a point that has no such
+    /// corner holds one, that with the fewest points around: supports at three points hold a body without straining it.
+    pub(in crate::mechanical) fn held(
+        &self,
+        held: Held<'_>,
+        rules: &[LayerRule],
+        present: &[bool],
+    ) -> HeldNodes<'static> {
+        let [mut count, mut sum] = [(); 2].map(|()| vec![0.0; 3 * self.points.len()]);
+        let mut hold = |corner: u32, axis: usize, [by, at]: [f64; 2]| {
+            count[3 * corner as usize + axis] += by;
+            sum[3 * corner as usize + axis] += at;
+        };
+        for axis in 0..self.dimension {
+            for rule in rules {
+                if let Some(value) = rule.prescribed(axis, 0) {
+                    let corners = self.on_face[rule.face as usize].iter();
+                    corners.for_each(|&corner| hold(corner, axis, [1.0, value]));
+                }
+            }
+            for point in 0..held.count.len() {
+                let by = held.count[point][axis];
+                if by > 0.0 && (present.is_empty() || present[point]) {
+                    let at = [by, held.sum[point][axis]];
+                    let held_by = self.held_by(point, axis, held.count, present);
+                    held_by.for_each(|corner| hold(corner, axis, at));
+                }
+            }
+        }
+        HeldNodes {
+            count: count.into(),
+            sum: sum.into(),
+        }
+    }
+
+    /// The corners that a held point holds.
+    fn held_by<'a>(
+        &'a self,
+        point: usize,
+        axis: usize,
+        count: &'a [Vector3<f64>],
+        present: &'a [bool],
+    ) -> impl Iterator<Item = u32> + 'a {
+        let is_held = move |point: usize| count[point][axis] > 0.0;
+        let follows = move |corner: &u32| {
+            let mut around = self.around(*corner as usize, present);
+            around.all(|(_, point)| is_held(point))
+        };
+        let corners = self.of(point).iter().copied();
+        let around = |corner: &u32| self.around(*corner as usize, present).count();
+        let lone = match corners.clone().any(|corner| follows(&corner)) {
+            true => None,
+            false => corners.clone().min_by_key(around),
+        };
+        corners.filter(follows).chain(lone)
+    }
+}
