@@ -132,8 +132,7 @@ fn the_stiffness_is_symmetric_also_while_metal_flows() {
 /// Lets the material of the body yield at its stress without temperature.
 fn set_yield(solid: &mut dyn Solid, body: &Body) {
     let plasticity = solid.base_mut().plasticity().expect("it flows");
-    let law = &mut plasticity.law;
-    law.set_temperature(&body.material_of_point, None, None);
+    plasticity.set_conditions(&body.material_of_point, None, None, 1.0);
 }
 
 #[test]
