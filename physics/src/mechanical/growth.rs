@@ -330,10 +330,8 @@ impl MechanicalRun {
                 rules,
             };
             corners.place_born(&mut self.state.corners, births);
-            corners.mean(
-                &self.state.corners,
-                &mut world.write(self.fields.displacement),
-            );
+            let mut displacement = world.write(self.fields.displacement);
+            corners.mean(&self.state.corners, &mut displacement);
             return;
         }
         let present = &self.state.present;

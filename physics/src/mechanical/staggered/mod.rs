@@ -22,6 +22,7 @@ mod corners;
 #[cfg(test)]
 mod growth_tests;
 mod kernels;
+mod solid;
 #[cfg(test)]
 mod tests;
 
@@ -29,8 +30,6 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use perimelt_core::body::Lattice;
-use perimelt_core::family::{AxisPlane, LayerRule};
-use perimelt_core::solver::Spring;
 use perimelt_core::{Body, Face, Family};
 use rayon::prelude::*;
 
@@ -39,16 +38,11 @@ pub(super) use checks::{check, lattice};
 pub use corners::Corners;
 
 use super::base::{Properties, SolidBase};
-use super::classical::{COMPONENTS, Point};
-use super::fracture::{FractureState, NewBreaks};
+use super::classical::Point;
 use super::gradient::Gradient;
 use super::moduli::Moduli;
 use super::nodes::Nodes;
-use super::solid::{
-    Constitution, EnergyKind, Evaluated, PointModuli, PointStates, Solid, Stiffness, StrainKind,
-    StressFreeStrain, StressKind, Wanted,
-};
-use corners::sign;
+use super::solid::{Constitution, EnergyKind, StrainKind};
 use kernels::{
     Amplitudes, Cell, CellState, Elastic, MODES, amplitudes, gather, mode_at, modes, sums,
 };
@@ -415,220 +409,5 @@ impl<const D: usize> Staggered<D> {
             };
         });
         self.base.energy = energy;
-    }
-}
-
-impl<const D: usize> Solid for Staggered<D> {
-    fn base(&self) -> &SolidBase {
-        &self.base
-    }
-
-    fn base_mut(&mut self) -> &mut SolidBase {
-        &mut self.base
-    }
-
-    fn set_points(&mut self, states: PointStates<'_>) {
-        let PointStates {
-            moduli,
-            eigenstrain,
-            stress_free,
-            present,
-        } = states;
-        if let Some(present) = present {
-            self.set_present(present);
-        }
-        if let Some(moduli) = moduli {
-            let changed = match moduli {
-                PointModuli::At(body, temperature) => {
-                    self.base.elastic.set_moduli(body, temperature)
-                }
-                PointModuli::Stiffest(body) => self.base.elastic.set_stiffest_moduli(body),
-            };
-            if changed {
-                self.load_springs();
-            }
-        }
-        if let Some(eigenstrain) = eigenstrain {
-            self.is_mode_load_current &= !self.base.elastic.set_eigenstrain(eigenstrain);
-        }
-        if let Some(StressFreeStrain { strain, .. }) = stress_free {
-            let own = &mut self.base.elastic.stress_free;
-            own.clear();
-            own.extend_from_slice(strain);
-        }
-    }
-
-    fn set_displacement(&mut self, displacement: &[f64], _rules: &[LayerRule]) {
-        let (nodes, _) = displacement.as_chunks::<3>();
-        self.displacement.copy_from_slice(nodes);
-    }
-
-    /// Nothing by slot: there are no bonds.
-    fn displacement(&self) -> [&[f64]; 3] {
-        [&[]; 3]
-    }
-
-    fn evaluate(&mut self, wanted: Wanted<'_>) -> Evaluated<'_> {
-        let Wanted {
-            force,
-            stress,
-            energy,
-            gradient,
-        } = wanted;
-        self.load_gradient();
-        if let Some(out) = force {
-            self.evaluate_force(out);
-        }
-        match stress {
-            Some(StressKind::Spatial) => self.evaluate_stress(),
-            Some(StressKind::Material) => self.base.evaluate_tried_stress(Some(&self.gradient)),
-            None => {}
-        }
-        if let Some(kind) = energy {
-            self.evaluate_energy(kind);
-        }
-        Evaluated {
-            stress: self.base.stress_of(stress),
-            energy: self.base.energy_of(energy),
-            gradient: if gradient { &self.gradient.values } else { &[] },
-        }
-    }
-
-    fn linearise(&mut self) {
-        self.load_gradient();
-        if let Some(plasticity) = &mut self.base.plasticity {
-            plasticity.linearise(self.base.elastic.strained(&self.gradient));
-        }
-    }
-
-    fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {
-        self.load_elastic_states();
-        if kind == Stiffness::Plastic {
-            self.subtract_flow();
-        }
-        self.gather(1.0, false, out);
-    }
-
-    fn blocks(&mut self) -> &[[f64; 6]] {
-        let square = self.cell.weight * self.cell.weight;
-        // the part of the displacement of a corner that is neither mean nor gradient
-        let modes = f64::from(1 << D);
-        let left = (modes - 1.0 - D as f64) / modes;
-        let mut blocks = std::mem::take(&mut self.blocks);
-        let nodes = blocks.par_iter_mut().enumerate().with_min_len(CHUNK);
-        nodes.for_each(|(corner, block)| {
-            *block = [0.0; 6];
-            for (q, point) in self.corners.around(corner, &[]) {
-                if self.gradient.is_loose(point) {
-                    continue;
-                }
-                let Moduli { lame, shear, .. } = self.base.elastic.moduli(point);
-                let isotropic = square * shear * D as f64 + left * self.spring[point];
-                for (entry, (a, b)) in block.iter_mut().zip(COMPONENTS) {
-                    if a < D && b < D {
-                        *entry += square * (lame + shear) * sign(q, a) * sign(q, b);
-                        *entry += if a == b { isotropic } else { 0.0 };
-                    }
-                }
-            }
-        });
-        self.blocks = blocks;
-        &self.blocks
-    }
-
-    fn couplings(&self, corner: usize, receive: &mut dyn FnMut(Spring)) {
-        for (q, point) in self.corners.around(corner, &[]) {
-            if self.gradient.is_loose(point) {
-                continue;
-            }
-            let Moduli { lame, shear, .. } = self.base.elastic.moduli(point);
-            let elastic = Elastic { lame, shear };
-            for (r, &other) in self.corners.of(point).iter().enumerate() {
-                if r != q {
-                    receive(Spring {
-                        stiffness: self.cell.coupling::<D>([q, r], elastic, self.spring[point]),
-                        to: other as usize,
-                        scale: [1.0; 3],
-                    });
-                }
-            }
-        }
-    }
-
-    /// That of the shortest wave along an axis, `2 c_p / h`, which no other exceeds where corners carry the mass of their cells.
-    fn largest_frequency(&mut self, density: &[f64], _rules: &[LayerRule]) -> f64 {
-        let of_point = |(point, density): (usize, &f64)| {
-            let Moduli { lame, shear, .. } = self.base.elastic.moduli(point);
-            2.0 / self.cell.spacing * ((lame + 2.0 * shear) / density).sqrt()
-        };
-        density.iter().enumerate().map(of_point).fold(0.0, f64::max)
-    }
-
-    fn relieve_modes(&mut self, is_relieved: &dyn Fn(usize) -> bool) {
-        self.relieved
-            .resize(self.spring.len(), Amplitudes::default());
-        for point in (0..self.spring.len()).filter(|p| is_relieved(*p)) {
-            let modes = amplitudes::<D>(&self.displacement, &self.corners.of_point[point]);
-            let of_eigenstrain = self.eigenstrain_modes(point);
-            for (mode, relieved) in self.relieved[point].iter_mut().enumerate() {
-                (0..D).for_each(|a| relieved[a] = modes[mode][a] - of_eigenstrain[mode][a]);
-            }
-        }
-        self.is_mode_load_current = false;
-    }
-
-    fn relieved_modes(&self) -> &[[[f64; 3]; 4]] {
-        &self.relieved
-    }
-
-    fn replace_relieved_modes(&mut self, modes: Vec<[[f64; 3]; 4]>) {
-        self.relieved = modes;
-        self.is_mode_load_current = false;
-    }
-
-    fn replace_fracture_state(&mut self, _state: FractureState) -> Option<FractureState> {
-        None
-    }
-
-    fn break_bonds(&mut self, _fraction: f64, _damage: &mut [f64]) -> NewBreaks {
-        NewBreaks::default()
-    }
-
-    /// The force of the cells above the plane of corners that is nearest, on the corners in it.
-    fn force_across(&mut self, plane: AxisPlane, receive: &mut dyn FnMut(usize, [f64; 3])) {
-        let mut unused = vec![0.0; 3 * self.displacement.len()];
-        self.evaluate(Wanted::force(&mut unused));
-        let AxisPlane { axis, at } = plane;
-        let is_in_plane = |corner: &usize| {
-            let distance = at - self.corners.position[*corner][axis];
-            distance > -0.5 * self.cell.spacing && distance <= 0.5 * self.cell.spacing
-        };
-        for corner in (0..self.displacement.len()).filter(is_in_plane) {
-            let around = || {
-                let points = self.corners.around(corner, &[]);
-                points.filter(|(_, point)| !self.gradient.is_loose(*point))
-            };
-            let below = || around().filter(|(q, _)| sign(*q, axis) > 0.0);
-            let share = 1.0 / below().count() as f64;
-            let mut force = [0.0; 3];
-            for (q, point) in around().filter(|(q, _)| sign(*q, axis) < 0.0) {
-                let on_corner = self.force_of_cell(point, q, corner);
-                (0..D).for_each(|a| force[a] -= on_corner[a]);
-            }
-            below().for_each(|(_, point)| receive(point, force.map(|f| share * f)));
-        }
-    }
-}
-
-impl<const D: usize> Staggered<D> {
-    /// Force density of a cell against the displacement of one of its corners, N/m³.
-    fn force_of_cell(&self, point: usize, q: usize, corner: usize) -> [f64; D] {
-        let CellState { slope, mean } = &self.states[point];
-        let free = self.free_modes(point);
-        std::array::from_fn(|a| {
-            let along: f64 = (0..D).map(|b| slope[a][b] * sign(q, b)).sum();
-            let modes: f64 = (0..modes(D)).map(|m| free[m][a] * mode_at(m, q)).sum();
-            along - mean[a] + self.spring[point] * (self.displacement[corner][a] - modes)
-        })
     }
 }
