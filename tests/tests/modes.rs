@@ -191,7 +191,7 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path) {
 
     // equilibrium only as good as the default would hide behind its tolerance; that of a slender body cannot be found more
     // exactly than its displacements are rounded
-    let mut tolerances = [1e-12, 1e-10].into_iter();
+    let mut tolerances = [1e-12, 1e-10, 1e-9].into_iter();
     let lattice = loop {
         set_tolerance(case_table, tolerances.next().expect("it converges"));
         match final_fields(&parse(file, case_table)) {
