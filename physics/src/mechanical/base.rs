@@ -191,6 +191,13 @@ impl SolidBase {
         }
     }
 
+    /// Linearises the plastic flow about the trial state, where the body flows.
+    pub(super) fn linearise(&mut self, gradient: Option<&Gradient>) {
+        if let (Some(plasticity), Some(gradient)) = (&mut self.plasticity, gradient) {
+            plasticity.linearise(self.elastic.strained(gradient));
+        }
+    }
+
     /// The stress that was evaluated, if it was.
     pub(super) fn stress_of(&self, kind: Option<StressKind>) -> &[[f64; 6]] {
         match kind {

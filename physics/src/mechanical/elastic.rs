@@ -7,6 +7,7 @@ use super::classical::{Point, symmetric};
 use super::gradient::Gradient;
 use super::moduli::{Elasticity, Moduli, Plane};
 use super::plasticity::StressState;
+use super::solid::PointModuli;
 
 /// Moduli and eigenstrain of the points of a body.
 #[derive(Debug)]
@@ -72,8 +73,16 @@ impl ElasticPoints {
         StressState::of(self.dimension, plane)
     }
 
-    /// Evaluates the moduli at the temperature of each point, K; whether they can have changed.
-    pub(super) fn set_moduli(&mut self, body: &Body, temperature: Option<&[f64]>) -> bool {
+    /// Takes the moduli of the points; whether they can have changed.
+    pub(super) fn set_moduli(&mut self, moduli: PointModuli<'_>) -> bool {
+        match moduli {
+            PointModuli::At(body, temperature) => self.set_moduli_at(body, temperature),
+            PointModuli::Stiffest(body) => self.set_stiffest_moduli(body),
+        }
+    }
+
+    /// Evaluates the moduli at the temperature of each point, K.
+    fn set_moduli_at(&mut self, body: &Body, temperature: Option<&[f64]>) -> bool {
         if self.uniform.is_some() {
             return false;
         }
@@ -94,8 +103,8 @@ impl ElasticPoints {
         std::mem::replace(&mut self.stiffening, 1.0)
     }
 
-    /// Takes the stiffest moduli of each material; whether they can have changed.
-    pub(super) fn set_stiffest_moduli(&mut self, body: &Body) -> bool {
+    /// Takes the stiffest moduli of each material.
+    fn set_stiffest_moduli(&mut self, body: &Body) -> bool {
         for (moduli, &m) in self.moduli.iter_mut().zip(&body.material_of_point) {
             *moduli = self.elasticity.stiffest(m as usize);
         }

@@ -162,19 +162,12 @@ impl Correspondence {
 
 impl Correspondence {
     fn set_moduli(&mut self, moduli: PointModuli<'_>) {
-        match moduli {
-            PointModuli::At(body, temperature) => {
-                let changed = self.base.elastic.set_moduli(body, temperature);
-                if changed {
-                    self.load_stabilisation();
-                }
-                self.load_limits(body, temperature, changed);
-            }
-            PointModuli::Stiffest(body) => {
-                if self.base.elastic.set_stiffest_moduli(body) {
-                    self.load_stabilisation();
-                }
-            }
+        let changed = self.base.elastic.set_moduli(moduli);
+        if changed {
+            self.load_stabilisation();
+        }
+        if let PointModuli::At(body, temperature) = moduli {
+            self.load_limits(body, temperature, changed);
         }
     }
 
@@ -355,9 +348,7 @@ impl Solid for Correspondence {
 
     fn linearise(&mut self) {
         self.load_gradient();
-        if let Some(plasticity) = &mut self.base.plasticity {
-            plasticity.linearise(self.base.elastic.strained(&self.gradient));
-        }
+        self.base.linearise(Some(&self.gradient));
     }
 
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {

@@ -146,21 +146,14 @@ impl Ordinary {
 
 impl Ordinary {
     fn set_moduli(&mut self, moduli: PointModuli<'_>) {
-        match moduli {
-            PointModuli::At(body, temperature) => {
-                let changed = self.base.elastic.set_moduli(body, temperature);
-                if changed {
-                    self.load_stiffness();
-                }
-                if self.load_limits(body, temperature, changed) || changed {
-                    self.find_uniform_inputs();
-                }
-            }
-            PointModuli::Stiffest(body) => {
-                if self.base.elastic.set_stiffest_moduli(body) {
-                    self.load_stiffness();
-                }
-            }
+        let changed = self.base.elastic.set_moduli(moduli);
+        if changed {
+            self.load_stiffness();
+        }
+        if let PointModuli::At(body, temperature) = moduli
+            && (self.load_limits(body, temperature, changed) || changed)
+        {
+            self.find_uniform_inputs();
         }
     }
 
@@ -324,9 +317,7 @@ impl Solid for Ordinary {
 
     fn linearise(&mut self) {
         self.load_gradient();
-        if let (Some(plasticity), Some(gradient)) = (&mut self.base.plasticity, &self.gradient) {
-            plasticity.linearise(self.base.elastic.strained(gradient));
-        }
+        self.base.linearise(self.gradient.as_ref());
     }
 
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {

@@ -9,7 +9,7 @@ use super::super::classical::COMPONENTS;
 use super::super::fracture::{FractureState, NewBreaks};
 use super::super::moduli::Moduli;
 use super::super::solid::{
-    Evaluated, PointModuli, PointStates, Solid, Stiffness, StressFreeStrain, StressKind, Wanted,
+    Evaluated, PointStates, Solid, Stiffness, StressFreeStrain, StressKind, Wanted,
 };
 use super::corners::sign;
 use super::kernels::{Amplitudes, CellState, Elastic, amplitudes, mode_at, modes};
@@ -34,16 +34,10 @@ impl<const D: usize> Solid for Staggered<D> {
         if let Some(present) = present {
             self.set_present(present);
         }
-        if let Some(moduli) = moduli {
-            let changed = match moduli {
-                PointModuli::At(body, temperature) => {
-                    self.base.elastic.set_moduli(body, temperature)
-                }
-                PointModuli::Stiffest(body) => self.base.elastic.set_stiffest_moduli(body),
-            };
-            if changed {
-                self.load_springs();
-            }
+        if let Some(moduli) = moduli
+            && self.base.elastic.set_moduli(moduli)
+        {
+            self.load_springs();
         }
         if let Some(eigenstrain) = eigenstrain {
             self.is_mode_load_current &= !self.base.elastic.set_eigenstrain(eigenstrain);
@@ -93,9 +87,7 @@ impl<const D: usize> Solid for Staggered<D> {
 
     fn linearise(&mut self) {
         self.load_gradient();
-        if let Some(plasticity) = &mut self.base.plasticity {
-            plasticity.linearise(self.base.elastic.strained(&self.gradient));
-        }
+        self.base.linearise(Some(&self.gradient));
     }
 
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {
