@@ -211,9 +211,8 @@ impl Rhs for StepEquation<'_> {
     fn rounding(&self, at: At) -> f64 {
         let StepVectors { state, slope, .. } = &*self.work;
         let [squares] = sum_points(state.len(), |i| [(slope[i] * at.state[i]).powi(2)]);
-        let time = at.time;
         4.0 * f64::EPSILON * (norm(state) + squares.sqrt())
-            + self.weight * self.rhs.rounding(At { time, state })
+            + self.weight * self.rhs.rounding(At { state, ..at })
     }
 
     fn tangent(&mut self, at: At, direction: &[f64], out: &mut [f64]) -> Result<bool, SolverError> {
@@ -226,8 +225,7 @@ impl Rhs for StepEquation<'_> {
             ..
         } = &mut *self.work;
         update(of_state, [direction, slope], |_, [v, slope]| slope * v);
-        let time = at.time;
-        let offered = self.rhs.tangent(At { time, state }, of_state, out)?;
+        let offered = self.rhs.tangent(At { state, ..at }, of_state, out)?;
         update(out, [of_state], |jv, [v]| weight * jv - v);
         Ok(offered)
     }
@@ -236,8 +234,7 @@ impl Rhs for StepEquation<'_> {
         let weight = self.weight;
         self.find_state(at.state);
         let StepVectors { state, slope, .. } = &*self.work;
-        let time = at.time;
-        let offered = self.rhs.tangent_diagonal(At { time, state }, out)?;
+        let offered = self.rhs.tangent_diagonal(At { state, ..at }, out)?;
         update(out, [slope], |diagonal, [slope]| {
             slope * (weight * diagonal - 1.0)
         });
@@ -348,6 +345,7 @@ mod tests {
         let at = At {
             time: 0.0,
             state: &[1.0; 3],
+            damping: 0.0,
         };
         let (mut diagonal, mut column) = ([0.0; 3], [0.0; 3]);
         assert!(equation.tangent_diagonal(at, &mut diagonal).unwrap());
@@ -458,6 +456,7 @@ mod tests {
                 let at = At {
                     time: 0.0,
                     state: &y,
+                    damping: 0.0,
                 };
                 let residual = dt * StiffBar.rounding(at) / (n as f64).sqrt();
                 let bound = differences * lumped + 2.0 * residual;

@@ -9,9 +9,14 @@
 //!
 //! For forces with an energy `E` the second condition holds up to the minimum along `d`, where `dE/ds = -f . d` is zero, and
 //! not far beyond. Plastic flow needs it: the first tangent of a step is elastic, and the flow that begins raises the norm of
-//! the forces while the energy falls; near the limit load the energy falls along the whole step. The sign suits restoring
-//! forces and diffusion: for them `-J` is positive (semi-)definite and conjugate gradients may be chosen. Where that holds
-//! only for `-diag(w) J`, the system is multiplied by the weights of [`Rhs::weights`].
+//! the forces while the energy falls; near the limit load the energy falls along the whole step.
+//!
+//! The tangent of metal that flows without hardening is singular: a direction that nothing resists is followed far beyond the
+//! minimum, where the metal flows back. Models mix a fraction of their tangent at rest into it ([`At::damping`]), which bounds the
+//! steps; it falls as long as full steps are accepted, so that the convergence of Newton's method is kept.
+//!
+//! The sign suits restoring forces and diffusion: for them `-J` is positive (semi-)definite and conjugate gradients may be
+//! chosen. Where that holds only for `-diag(w) J`, the system is multiplied by the weights of [`Rhs::weights`].
 //!
 //! Sources: Knoll & Keyes (2004), J. Comput. Phys. 193, 357-397; line search by the work: Matthies & Strang (1979), Int. J.
 //! Numer. Methods Eng. 14, 1613-1626, who require 0.8 of the work on both sides; accuracy of the linear solves after Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16-32, choice 2.
@@ -88,10 +93,21 @@ pub struct Newton {
 }
 
 /// Fraction of the full step below which a line search gives up.
-const SHORTEST_STEP: f64 = 1.0 / 1024.0;
+const SHORTEST_STEP: f64 = 1.0 / 1_048_576.0;
+
+/// Damping of the tangent at the start and after a step that was shortened; it falls to a quarter with each full step.
+const DAMPING: f64 = 0.1;
 
 /// Fraction of the work along a direction that may remain beyond the point where it is zero.
 const WORK_BEYOND: f64 = 0.8;
+
+/// A step that a line search accepts.
+struct Accepted {
+    /// Of the full step.
+    fraction: f64,
+    /// Norm of the residual behind it.
+    residual: f64,
+}
 
 impl Newton {
     /// A solver that sizes its work vectors at first use.
@@ -135,8 +151,13 @@ impl Newton {
         let options = self.options;
         let asked = options.relative_tolerance * report.residual + options.absolute_tolerance;
         let mut forcing: f64 = 0.1;
+        let mut damping = DAMPING;
         loop {
-            let at = At { time, state };
+            let at = At {
+                time,
+                state,
+                damping,
+            };
             let tolerance = asked + rhs.rounding(at);
             if !report.residual.is_finite() {
                 let iteration = report.iterations;
@@ -170,12 +191,17 @@ impl Newton {
             };
             self.find_direction(rhs, at, hints, &mut report)?;
             let before = report.residual;
-            report.residual = self.search_line(rhs, at, &mut report)?.ok_or_else(|| {
+            let found = self.search_line(rhs, at, &mut report)?.ok_or_else(|| {
                 not_converged(
                     report,
                     "no step along the Newton direction lowers the residual: loads that do not balance, a tolerance below rounding, or a kink of the model",
                 )
             })?;
+            report.residual = found.residual;
+            damping = match found.fraction < 1.0 {
+                true => DAMPING,
+                false => 0.25 * damping,
+            };
             state.copy_from_slice(&self.trial);
             std::mem::swap(&mut self.value, &mut self.trial_value);
             report.iterations += 1;
@@ -261,7 +287,7 @@ impl Newton {
         rhs: &mut dyn Rhs,
         at: At,
         report: &mut NewtonReport,
-    ) -> Result<Option<f64>, SolverError> {
+    ) -> Result<Option<Accepted>, SolverError> {
         let Self {
             value,
             step,
@@ -281,7 +307,7 @@ impl Newton {
             let works_less = |work| (-WORK_BEYOND..=1.0).contains(&(dot(trial_value, step) / work));
             let decreases = residual <= (1.0 - 1e-4 * fraction) * report.residual;
             if decreases || work.is_some_and(works_less) {
-                return Ok(Some(residual));
+                return Ok(Some(Accepted { fraction, residual }));
             }
             fraction *= 0.5;
         }

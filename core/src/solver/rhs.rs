@@ -90,6 +90,9 @@ pub struct At<'a> {
     pub time: f64,
     /// State.
     pub state: &'a [f64],
+    /// Fraction of the tangent at rest in the tangent, which a model with a tangent that may be singular mixes in: steps
+    /// along directions that nothing resists become shorter. Zero: the tangent itself.
+    pub damping: f64,
 }
 
 /// Makes an [`Rhs`] of a closure `|time, state, rate| { ...; Ok(()) }`.

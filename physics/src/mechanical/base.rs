@@ -192,9 +192,9 @@ impl SolidBase {
     }
 
     /// Linearises the plastic flow about the trial state, where the body flows.
-    pub(super) fn linearise(&mut self, gradient: Option<&Gradient>) {
+    pub(super) fn linearise(&mut self, gradient: Option<&Gradient>, damping: f64) {
         if let (Some(plasticity), Some(gradient)) = (&mut self.plasticity, gradient) {
-            plasticity.linearise(self.elastic.strained(gradient));
+            plasticity.linearise(self.elastic.strained(gradient), damping);
         }
     }
 

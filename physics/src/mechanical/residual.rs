@@ -102,9 +102,9 @@ impl Rhs for Residual<'_> {
     }
 
     /// Called once in each iteration, right after the rate of its state.
-    fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
+    fn tangent_diagonal(&mut self, at: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
         if self.tangent == Tangent::Plastic {
-            self.solid.linearise();
+            self.solid.linearise(at.damping);
         }
         for (out, block) in out.chunks_exact_mut(3).zip(self.solid.blocks()) {
             (0..3).for_each(|axis| out[axis] = -block[axis]);

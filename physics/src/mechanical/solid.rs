@@ -65,7 +65,7 @@ pub trait Solid: Debug + Sync {
 
     /// Linearises the plastic flow about the displacement that was set and the trial state of its force, for
     /// [`Stiffness::Plastic`].
-    fn linearise(&mut self);
+    fn linearise(&mut self, damping: f64);
 
     /// Stiffness times the displacement that was set, N/m³, about the undeformed shape, whatever the kinematics.
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]);

@@ -154,12 +154,71 @@ fn yielding_is_brought_to_equilibrium_by_the_work() {
         (report, state)
     };
     let (report, state) = solve(true);
-    assert!(report.expect("an equilibrium").iterations <= 10);
     let expected = [3.0 + 1.2, 3.0 / YieldingLever::ARM];
     for (found, expected) in state.iter().zip(expected) {
         assert!((found / expected - 1.0).abs() < 1e-6, "{state:?}");
     }
-    assert!(solve(false).0.is_err(), "the norm alone finds no step");
+    let [by_work, by_norm] = [report, solve(false).0].map(|r| r.expect("an equilibrium"));
+    assert!(by_work.iterations <= 10);
+    assert!(
+        2 * by_work.evaluations < by_norm.evaluations,
+        "the norm alone shortens the first step to less than a thousandth"
+    );
+}
+
+/// A spring that bears at most the force of its yielding, without hardening but for rounding, and whose state of the last step
+/// was stretched far: where it flows nothing resists it.
+struct PerfectlyPlastic {
+    is_damped: bool,
+}
+
+impl PerfectlyPlastic {
+    const HARDENING: f64 = 1e-9;
+
+    /// Force and stiffness: elastic within 1 of the origin.
+    fn spring(extension: f64) -> (f64, f64) {
+        match extension.abs() > 1.0 {
+            true => {
+                let beyond = Self::HARDENING * (extension.abs() - 1.0);
+                ((1.0 + beyond).copysign(extension), Self::HARDENING)
+            }
+            false => (extension, 1.0),
+        }
+    }
+}
+
+impl Rhs for PerfectlyPlastic {
+    fn rate(&mut self, _: f64, state: &[f64], force: &mut [f64]) -> Result<(), SolverError> {
+        force[0] = 0.5 - Self::spring(state[0]).0;
+        Ok(())
+    }
+
+    fn tangent(&mut self, at: At, v: &[f64], out: &mut [f64]) -> Result<bool, SolverError> {
+        let damping = if self.is_damped { at.damping } else { 0.0 };
+        let (_, stiffness) = Self::spring(at.state[0]);
+        out[0] = -((1.0 - damping) * stiffness + damping) * v[0];
+        Ok(true)
+    }
+
+    fn is_force(&self) -> bool {
+        true
+    }
+}
+
+/// The undamped direction is 1e9 long, and the force along it turns over within 2.
+#[test]
+fn flow_that_nothing_resists_is_brought_to_equilibrium_by_a_damped_tangent() {
+    let solve = |is_damped| {
+        let mut newton = Newton::new(NewtonOptions::default());
+        let mut state = [20.0];
+        let hints = Hints::default();
+        let report = newton.solve(&mut PerfectlyPlastic { is_damped }, 0.0, &mut state, hints);
+        (report, state[0])
+    };
+    let (report, state) = solve(true);
+    assert!((state - 0.5).abs() < 1e-8, "{state}");
+    assert!(report.expect("an equilibrium").evaluations <= 40);
+    assert!(solve(false).0.is_err(), "the steps are too long");
 }
 
 #[test]

@@ -346,9 +346,9 @@ impl Solid for Correspondence {
         }
     }
 
-    fn linearise(&mut self) {
+    fn linearise(&mut self, damping: f64) {
         self.load_gradient();
-        self.base.linearise(Some(&self.gradient));
+        self.base.linearise(Some(&self.gradient), damping);
     }
 
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {

@@ -315,9 +315,9 @@ impl Solid for Ordinary {
         }
     }
 
-    fn linearise(&mut self) {
+    fn linearise(&mut self, damping: f64) {
         self.load_gradient();
-        self.base.linearise(self.gradient.as_ref());
+        self.base.linearise(self.gradient.as_ref(), damping);
     }
 
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {

@@ -173,9 +173,11 @@ impl Plasticity {
 
     /// Derivatives of the inelastic strains of the trial state by the strains, for points that flow: the consistent
     /// tangent of the law, or central differences.
-    pub(super) fn linearise(&mut self, points: StrainedPoints<'_>) {
+    pub(super) fn linearise(&mut self, points: StrainedPoints<'_>, damping: f64) {
         let law = &self.law.law;
         self.tangents = law.tangents(points, &self.conditions, &self.states);
+        let of_tangents = self.tangents.iter_mut();
+        of_tangents.for_each(|(_, tangent)| *tangent *= 1.0 - damping);
     }
 
     /// Sets the change of the inelastic strains under a change of the displacement gradients.

@@ -85,9 +85,9 @@ impl<const D: usize> Solid for Staggered<D> {
         }
     }
 
-    fn linearise(&mut self) {
+    fn linearise(&mut self, damping: f64) {
         self.load_gradient();
-        self.base.linearise(Some(&self.gradient));
+        self.base.linearise(Some(&self.gradient), damping);
     }
 
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {

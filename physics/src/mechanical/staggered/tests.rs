@@ -105,7 +105,7 @@ fn the_stiffness_is_symmetric_also_while_metal_flows() {
         set_yield(&mut *solid, body);
         let state: Vec<f64> = uneven(&*solid, 0.3).iter().map(|u| 10.0 * u).collect();
         force(&mut *solid, &state);
-        solid.linearise();
+        solid.linearise(0.0);
         let flowing = solid.base_mut().plasticity().expect("it flows").flowing();
         assert!(4 * flowing.count() > body.points.len(), "it flows");
         let (u, v) = (uneven(&*solid, 1.0), uneven(&*solid, 2.0));
@@ -248,7 +248,7 @@ fn the_tangent_is_the_derivative_of_the_force() {
         };
         let (up, down) = (at(step), at(-step));
         force(&mut *solid, &state);
-        solid.linearise();
+        solid.linearise(0.0);
         let tangent = product(&mut *solid, Stiffness::Plastic, &change);
         let differences = up.iter().zip(&down).map(|(u, d)| (d - u) / (2.0 * step));
         let error: Vec<f64> = differences.zip(&tangent).map(|(d, t)| d - t).collect();

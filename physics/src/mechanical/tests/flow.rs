@@ -162,7 +162,7 @@ fn the_tangent_of_a_flowing_body_is_the_derivative_of_its_forces() {
             };
             let (up, down) = (force(1e-6), force(-1e-6));
             force(0.0);
-            solid.linearise();
+            solid.linearise(0.0);
             solid.set_displacement(&direction, &[]);
             let (mut tangent, mut stiffness) = (vec![0.0; state.len()], vec![0.0; state.len()]);
             solid.stiffness(Stiffness::Plastic, &mut tangent);
