@@ -9,9 +9,7 @@ use tempfile::TempDir;
 use super::VerifyError;
 use super::results::file_error;
 use crate::case::Case;
-pub use list::BENCHMARKS;
 
-mod list;
 #[cfg(test)]
 mod tests;
 
@@ -46,6 +44,9 @@ impl BuiltIn {
         Ok(())
     }
 }
+
+/// The benchmark cases, by folder and name.
+pub const BENCHMARKS: &[BuiltIn] = include!(concat!(env!("OUT_DIR"), "/benchmarks.rs"));
 
 /// Cases with their names.
 #[derive(Debug)]

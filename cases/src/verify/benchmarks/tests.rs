@@ -4,35 +4,6 @@ use super::{BENCHMARKS, BuiltIn, load};
 use crate::verify::check::Check;
 
 #[test]
-fn every_benchmark_file_is_built_in() {
-    let names = |folder: &str| -> BTreeSet<String> {
-        std::fs::read_dir(format!("{}/{folder}", env!("CARGO_MANIFEST_DIR")))
-            .expect("the folder of the benchmarks")
-            .map(|entry| entry.expect("readable").path())
-            .filter(|path| path.extension().is_some_and(|e| e == "toml"))
-            .filter_map(|path| Some(path.file_stem()?.to_str()?.to_string()))
-            .collect()
-    };
-    for folder in [
-        "verification",
-        "welding",
-        "additive",
-        "quenching",
-        "geometry",
-        "toolpaths",
-        "fracture",
-        "spacings",
-    ] {
-        let built_in = BENCHMARKS.iter().filter(|b| b.folder == folder);
-        assert_eq!(
-            names(folder),
-            built_in.map(|b| b.name.into()).collect(),
-            "{folder}"
-        );
-    }
-}
-
-#[test]
 fn built_in_cases_find_their_files_in_any_working_directory() {
     let benchmarks = load(None).expect("valid cases");
     for built_in in BENCHMARKS.iter().filter(|b| !b.files.is_empty()) {
