@@ -12,7 +12,6 @@ pub enum Limit {
     /// `|measured - reference| / |reference|`, number by number.
     Relative(f64),
     /// `|measured - reference|` over the largest absolute reference.
-    #[serde(alias = "share_of_peak")]
     FractionOfPeak(f64),
     /// Root mean square of `measured - reference` over all values, over the largest absolute reference.
     Rms(f64),
@@ -23,7 +22,6 @@ pub enum Limit {
     /// Like `mean_relative`, but the error must be at least this large.
     MeanRelativeAbove(f64),
     /// Like `fraction_of_peak`, but the error of at least one value must be this large.
-    #[serde(alias = "share_of_peak_above")]
     FractionOfPeakAbove(f64),
     /// The measured value lies between these numbers; the reference is only printed.
     Between([f64; 2]),

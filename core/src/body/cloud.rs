@@ -31,7 +31,6 @@ pub struct Cloud {
 pub struct Jitter {
     /// Largest displacement along each axis, in spacings of the point, below 0.5.
     #[schemars(extend("minimum" = 0, "exclusiveMaximum" = 0.5))]
-    #[serde(alias = "share")]
     pub amplitude: f64,
     /// Seed of the random numbers: equal seeds give equal displacements.
     #[serde(default)]

@@ -100,12 +100,15 @@ impl fmt::Display for Horizon {
     }
 }
 
+/// The table of a length.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Length {
+    length: f64,
+}
+
 impl Serialize for Horizon {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        #[derive(Serialize)]
-        struct Length {
-            length: f64,
-        }
         match *self {
             Horizon::Spacings(count) => serializer.serialize_f64(count),
             Horizon::Length(length) => Length { length }.serialize(serializer),
@@ -137,16 +140,8 @@ impl<'de> Deserialize<'de> for Horizon {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Horizon, A::Error> {
-                #[derive(Deserialize)]
-                #[serde(rename_all = "snake_case")]
-                enum Named {
-                    Spacings(f64),
-                    Length(f64),
-                }
-                Named::deserialize(de::value::MapAccessDeserializer::new(map)).map(|h| match h {
-                    Named::Spacings(count) => Horizon::Spacings(count),
-                    Named::Length(length) => Horizon::Length(length),
-                })
+                let map = de::value::MapAccessDeserializer::new(map);
+                Length::deserialize(map).map(|given| Horizon::Length(given.length))
             }
         }
         deserializer.deserialize_any(Visitor)
@@ -184,7 +179,6 @@ mod tests {
         for (text, horizon) in [
             ("horizon = 3", Horizon::Spacings(3.0)),
             ("horizon = 3.015", Horizon::Spacings(3.015)),
-            ("horizon = { spacings = 2.0 }", Horizon::Spacings(2.0)),
             ("horizon.length = 0.03", Horizon::Length(0.03)),
         ] {
             let keys: Keys = toml::from_str(text).expect("a horizon");

@@ -101,7 +101,6 @@ pub enum Level {
     #[default]
     Everyday,
     /// At the level "nightly" only: it takes longer than a few seconds.
-    #[serde(alias = "full")]
     Nightly,
 }
 
