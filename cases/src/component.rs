@@ -3,7 +3,6 @@
 use std::cell::Ref;
 
 use nalgebra::Matrix3;
-use perimelt_core::error::Problem;
 use perimelt_core::field::FieldIndex;
 use perimelt_core::world::refinement::Level;
 use perimelt_core::{Face, SetupError, Simulation, World};
@@ -121,13 +120,8 @@ impl Component {
                 return Err(SetupError::value("field", message, expected));
             }
             (Some(name), _) => Number::find(components, name).ok_or_else(|| {
-                let known = Number::names(components).into_iter();
-                let problem = Problem::UnknownName {
-                    what: "component of this field",
-                    name: name.into(),
-                    known: known.map(String::from).collect(),
-                };
-                SetupError::new("component", problem)
+                let known = Number::names(components);
+                SetupError::unknown("component", "component of this field", name, known)
             })?,
         };
         Ok(Component { field, number })

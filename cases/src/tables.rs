@@ -102,7 +102,7 @@ pub fn sentence(left: &[LeftTable], [low, high]: [f64; 2]) -> Option<String> {
     let [low, high] = [low, high].map(number);
     (!left.is_empty()).then(|| {
         format!(
-            "temperatures from {low} to {high} K leave the tables of {}: their end values hold beyond",
+            "temperatures from {low} to {high} K are partly outside the tables of {}, which are constant beyond their ends",
             tables.join(", ")
         )
     })

@@ -310,6 +310,18 @@ impl SetupError {
         )
     }
 
+    /// A name at `key` that is not among the known ones.
+    pub fn unknown(
+        key: impl Into<String>,
+        what: &'static str,
+        name: &str,
+        known: impl IntoIterator<Item = impl Into<String>>,
+    ) -> Self {
+        let known = known.into_iter().map(Into::into).collect();
+        let name = name.into();
+        Self::new(key, Problem::UnknownName { what, name, known })
+    }
+
     /// A plugin's own error at `key`.
     pub fn other(key: impl Into<String>, cause: impl Into<Cause>) -> Self {
         Self::new(key, Problem::Other(cause.into()))
@@ -354,7 +366,7 @@ pub enum RunError {
     },
     /// A step so small that the run cannot end.
     #[error(
-        "{physics} asks for steps of {} s at t = {} s: that would be {} more steps",
+        "the steps of {physics} are {} s at t = {} s: the run would take {} more steps",
         number(*step, 3), number(*time, 7), number(*count, 3)
     )]
     StepTooSmall {
@@ -401,7 +413,7 @@ pub enum RunError {
 fn stable_hint(step: f64, stable: Option<f64>) -> String {
     match stable {
         Some(stable) if step <= stable => format!(
-            ", below the largest stable one of {} s: look at the loads and the material",
+            ", below the largest stable one of {} s: check the loads and the material",
             number(stable, 5)
         ),
         Some(stable) => format!(", the largest stable one {} s", number(stable, 5)),

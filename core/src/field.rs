@@ -97,7 +97,7 @@ pub mod keys {
         /// 0 in powder, 1 in dense metal.
         CONSOLIDATED: f64 = "consolidated", "1", "0 in powder that has not melted, 1 in dense metal";
         /// Share of liquid, 0 to 1.
-        LIQUID_FRACTION: f64 = "liquid_fraction", "1", "share of liquid";
+        LIQUID_FRACTION: f64 = "liquid_fraction", "1", "fraction of liquid";
         /// Highest temperature so far, K.
         PEAK_TEMPERATURE: f64 = "peak_temperature", "K", "highest temperature so far";
         /// Time above a temperature so far, s.
@@ -117,15 +117,15 @@ pub mod keys {
         /// How often a point has solidified.
         SOLIDIFICATIONS: f64 = "solidifications", "1", "number of solidifications so far";
         /// Share of austenite, 0 to 1.
-        AUSTENITE: f64 = "austenite", "1", "share of austenite";
+        AUSTENITE: f64 = "austenite", "1", "fraction of austenite";
         /// Share of ferrite, 0 to 1.
-        FERRITE: f64 = "ferrite", "1", "share of ferrite";
+        FERRITE: f64 = "ferrite", "1", "fraction of ferrite";
         /// Share of pearlite, 0 to 1.
-        PEARLITE: f64 = "pearlite", "1", "share of pearlite";
+        PEARLITE: f64 = "pearlite", "1", "fraction of pearlite";
         /// Share of bainite, 0 to 1.
-        BAINITE: f64 = "bainite", "1", "share of bainite";
+        BAINITE: f64 = "bainite", "1", "fraction of bainite";
         /// Share of martensite, 0 to 1.
-        MARTENSITE: f64 = "martensite", "1", "share of martensite";
+        MARTENSITE: f64 = "martensite", "1", "fraction of martensite";
         /// Vickers hardness.
         HARDNESS: f64 = "hardness", "HV", "Vickers hardness by composition, constituents and rate of cooling";
         /// Sum of the strains of transformation plasticity over 3/2 of the stress deviator, 1/Pa.
@@ -176,7 +176,7 @@ pub mod keys {
         /// Work of viscous friction per reference volume since the start, J/m³.
         VISCOUS_WORK: f64 = "viscous_work", "J/m3", "work of viscous friction since the start";
         /// Fraction of the bonds of a point that are broken, by their weights (Gao (2020), eq. 2.15).
-        DAMAGE: f64 = "damage", "1", "share of broken bonds";
+        DAMAGE: f64 = "damage", "1", "fraction of broken bonds";
         /// Stress, Pa.
         STRESS: Matrix3<f64> = "stress", "Pa", "stress; up to a third off in the first rows of curved surfaces of a lattice, unless `surface_stress` of `mechanical` is \"extrapolated\"";
         /// Stress conjugate to the eigenstrain (not a residual stress): `dW/d(strain)` summed over the bonds,

@@ -31,6 +31,7 @@ pub mod law;
 pub mod log;
 pub mod material;
 mod neighbours;
+pub mod numbers;
 pub mod pair_list;
 pub mod pddo;
 pub mod plugin;
@@ -59,7 +60,8 @@ pub use in_time::InTime;
 pub use pair_list::PairList;
 pub use pddo::{Derivatives, Pddo, PddoError};
 pub use plugin::{
-    Balance, Coupler, Physics, PhysicsReport, Report, RunningCoupler, RunningPhysics,
+    Balance, Coupler, LoadError, Physics, PhysicsReport, Prepared, Report, RunningCoupler,
+    RunningPhysics, SavedState,
 };
 pub use programme::Programme;
 pub use setup::{Access, ClaimedLayers, GivenValue, LayerRole, Setup, Warning};

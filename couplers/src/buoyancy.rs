@@ -8,7 +8,7 @@
 use nalgebra::Vector3;
 use perimelt_core::material::{Expansion, ThermalState};
 use perimelt_core::{
-    Coupler, Read, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World, Write, keys,
+    Coupler, Prepared, Read, RunError, RunningCoupler, Setup, Step, Stepping, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -45,10 +45,7 @@ struct RunningBuoyancy {
 
 #[typetag::serialize(name = "buoyancy")]
 impl Coupler for Buoyancy {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         setup.stepping(Stepping {
             is_steady: true,

@@ -9,10 +9,11 @@
 //!
 //! Not for: heat of the cut, and the forces of a tool.
 
+use perimelt_core::numbers::check_at_least;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::{
-    Change, Coupler, Programme, RunError, RunningCoupler, Setup, SetupError, Step, StepLimits,
-    World, Write,
+    Change, Coupler, Prepared, Programme, RunError, RunningCoupler, Setup, SetupError, Step,
+    StepLimits, World, Write,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -42,15 +43,9 @@ struct RunningCut {
 
 #[typetag::serialize(name = "cut")]
 impl Coupler for Cut {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
-        if !(self.time >= 0.0 && self.time.is_finite()) {
-            let message = format!("material is cut off at {} s", self.time);
-            return Err(SetupError::value("time", message, "a time of 0 s or more"));
-        }
+        check_at_least("time", self.time, 0.0, "s")?;
         let points = setup.region(body, "region", &self.region)?.points;
         if points.len() == setup.body(body).points.len() {
             let message = format!("region `{}` is the whole body", self.region);

@@ -21,7 +21,7 @@
 //! (`expansion_reference`). Not for plastic or viscous heat.
 
 use perimelt_core::material::{ExpansionError, MaterialError, ThermalState};
-use perimelt_core::{Coupler, RunningCoupler, Setup, SetupError, World, keys};
+use perimelt_core::{Coupler, Prepared, RunningCoupler, Setup, SetupError, World, keys};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -42,10 +42,7 @@ pub struct DeformationHeat {
 
 #[typetag::serialize(name = "deformation_heat")]
 impl Coupler for DeformationHeat {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         let expansion = setup.world().expansions(body)?;
         let mut materials = setup.body(body).materials.iter().zip(&expansion);

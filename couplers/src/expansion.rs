@@ -23,8 +23,9 @@
 //! or viscous solid.
 
 use perimelt_core::material::{Expansion, ThermalState};
+use perimelt_core::numbers::check_above;
 use perimelt_core::{
-    Coupler, GivenValue, InSpace, Read, ReadIfProvided, RunError, RunningCoupler, Setup,
+    Coupler, GivenValue, InSpace, Prepared, Read, ReadIfProvided, RunError, RunningCoupler, Setup,
     SetupError, Step, Stepping, World, Write, keys,
 };
 use rayon::prelude::*;
@@ -106,10 +107,7 @@ pub(crate) fn expansions_from(
 
 #[typetag::serialize(name = "thermal_expansion")]
 impl Coupler for ThermalExpansion {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         let positions = setup.body(body).points.position.clone();
         let key = "reference_temperature";
@@ -129,15 +127,12 @@ impl Coupler for ThermalExpansion {
             .map_err(|e| SetupError::other(key, e))?
             .to_vec();
         let highest = reference.iter().copied().fold(0.0, f64::max);
-        if let Some(cutoff) = self.cutoff_temperature
-            && (cutoff.is_nan() || cutoff <= highest)
-        {
-            let expected = format!("a temperature above {highest} K");
-            let message = format!(
-                "the cut-off temperature {cutoff} K is not above the reference temperature"
-            );
-            return Err(SetupError::value("cutoff_temperature", message, expected));
-        }
+        check_above(
+            "cutoff_temperature",
+            self.cutoff_temperature,
+            highest,
+            "K, the highest reference temperature",
+        )?;
         setup.stepping(Stepping {
             is_steady: true,
             ..Stepping::default()
@@ -342,7 +337,7 @@ mod tests {
             let expansion: ThermalExpansion = read(&table);
             let message = refusal(&mut world, expansion);
             assert!(
-                message.contains("expected a temperature above 300 K"),
+                message.contains("expected a number above 300 K"),
                 "{message}"
             );
         }

@@ -15,7 +15,7 @@
 //! gradient, are the field `interface_normal` of the solid, evaluated when a state is logged; its collision of points with
 //! the solid is `collisions` of `fluid`.
 
-use perimelt_core::{Coupler, RunningCoupler, Setup, SetupError, Stepping, Wall};
+use perimelt_core::{Coupler, Prepared, RunningCoupler, Setup, SetupError, Stepping, Wall};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -39,10 +39,7 @@ pub struct FluidStructure {
 
 #[typetag::serialize(name = "fluid_structure")]
 impl Coupler for FluidStructure {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let find = |key: &str, name: &str| {
             setup.find_body(Some(name)).map_err(|e| SetupError {
                 key: key.into(),
@@ -57,7 +54,7 @@ impl Coupler for FluidStructure {
         let dimensions = [fluid, solid].map(|b| setup.body(b).dimension);
         if dimensions[0] != dimensions[1] {
             let message = format!(
-                "a {}D solid is no wall for a {}D fluid",
+                "a {}D solid cannot be a wall of a {}D fluid",
                 dimensions[1], dimensions[0]
             );
             return Err(SetupError::value(
@@ -120,7 +117,7 @@ mod tests {
             ),
             (
                 "fluid = 'block'\nsolid = 'cube'",
-                "a 3D solid is no wall for a 2D fluid",
+                "a 3D solid cannot be a wall of a 2D fluid",
             ),
             // nothing flows
             ("fluid = 'block'\nsolid = 'gate'", "no physics"),

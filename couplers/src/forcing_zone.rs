@@ -12,6 +12,7 @@
 //! stays below the target by `dp time / (rho L)`.
 
 use nalgebra::Vector3;
+use perimelt_core::numbers::{check_at_least, check_positive};
 use perimelt_core::shape::{Shape, StlError};
 use perimelt_core::text::position;
 use perimelt_core::world::BodyIndex;
@@ -63,14 +64,8 @@ struct RunningForcingZone {
 
 impl ForcingZone {
     fn check_numbers(&self) -> Result<(), SetupError> {
-        if !(self.time.is_finite() && self.time > 0.0) {
-            let message = format!("the relaxation time is {} s", self.time);
-            return Err(SetupError::value("time", message, "a time above 0 s"));
-        }
-        if !(self.ramp.is_finite() && self.ramp >= 0.0) {
-            let message = format!("the ramp lasts {} s", self.ramp);
-            return Err(SetupError::value("ramp", message, "0 s or more"));
-        }
+        check_positive("time", self.time, "s")?;
+        check_at_least("ramp", self.ramp, 0.0, "s")?;
         match self.shape.mistake() {
             Some(message) => Err(SetupError::value("shape", message, "a shape")),
             None => Ok(()),
@@ -264,13 +259,10 @@ mod tests {
         let inside = "shape.box = { min = [0, 0, 0], max = [1, 1, 1] }";
         let target = "velocity = [1, 0, 0]";
         for (keys, message) in [
-            (
-                format!("{inside}\n{target}\ntime = 0"),
-                "time: the relaxation time is 0 s",
-            ),
+            (format!("{inside}\n{target}\ntime = 0"), "time: `time` is 0"),
             (
                 format!("{inside}\n{target}\ntime = 1\nramp = -1"),
-                "ramp: the ramp lasts -1 s",
+                "ramp: `ramp` is -1",
             ),
             (
                 format!("shape.box = {{ min = [1, 0, 0], max = [0, 1, 1] }}\n{target}\ntime = 1"),

@@ -19,11 +19,12 @@ use nalgebra::Vector3;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::cell_list::CellList;
 use perimelt_core::material::{EnthalpyCurve, Property};
+use perimelt_core::numbers::check_positive;
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::text::number;
 use perimelt_core::{
-    Body, Coupler, Face, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step, World,
-    Write, keys,
+    Body, Coupler, Face, Prepared, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step,
+    World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -279,12 +280,8 @@ fn depth_of_overlap([one, other]: [&Body; 2]) -> f64 {
 
 impl HeatInterface {
     fn check(&self) -> Result<(), SetupError> {
-        for (key, value) in [("conductance", self.conductance), ("gap", self.gap)] {
-            if let Some(value) = value.filter(|v| !(*v > 0.0 && v.is_finite())) {
-                let message = format!("the {key} is {value}");
-                return Err(SetupError::value(key, message, "a number above 0"));
-            }
-        }
+        check_positive("conductance", self.conductance, "W/(m² K)")?;
+        check_positive("gap", self.gap, "m")?;
         match self.body == self.other {
             true => {
                 let message = format!("`body` and `other` are both `{}`", self.body);
@@ -297,10 +294,7 @@ impl HeatInterface {
 
 #[typetag::serialize(name = "heat_interface")]
 impl Coupler for HeatInterface {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         self.check()?;
         let body = setup.find_body(Some(&self.body))?;
         let other = setup.find_body(Some(&self.other)).map_err(|e| SetupError {
@@ -336,12 +330,12 @@ impl Coupler for HeatInterface {
             let depth = depth_of_overlap([body, other].map(|b| setup.body(b)));
             setup.warn(match depth > gap {
                 true => format!(
-                    "{names} lie in each other, by {} m, and no faces of their cells lie against each other: the bodies exchange no heat",
+                    "{names} overlap by {} m, and no faces of their cells touch: the bodies exchange no heat",
                     number(depth, 3)
                 ),
                 false => format!(
-                    "no faces of cells of {names} lie against each other at the start, within `gap`, {gap} m: the bodies exchange no \
-                     heat before they touch"
+                    "at the start no faces of cells of {names} touch within `gap`, {gap} m: \
+                     the bodies exchange no heat before they do"
                 ),
             });
         }

@@ -16,8 +16,8 @@
 
 use nalgebra::Matrix3;
 use perimelt_core::{
-    Coupler, Face, Programme, RunError, RunningCoupler, Setup, SetupError, Step, StepLimits,
-    Stepping, World, Write, keys,
+    Coupler, Face, Prepared, Programme, RunError, RunningCoupler, Setup, SetupError, Step,
+    StepLimits, Stepping, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -108,7 +108,7 @@ impl Profile {
             (None, Some(rows)) => {
                 let increase = rows.height.windows(2).all(|w| w[0] < w[1]);
                 if !increase || rows.height.is_empty() || rows.height.len() != rows.strain.len() {
-                    let message = "heights do not increase, or there is not one strain for each";
+                    let message = "the heights do not increase, or there are not as many strains";
                     let expected = "`height` in increasing order, and as many rows in `strain`";
                     return Err(SetupError::value("by_height", message, expected));
                 }
@@ -142,10 +142,7 @@ impl Profile {
 
 #[typetag::serialize(name = "inherent_strain")]
 impl Coupler for InherentStrain {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         let profile = Profile::of(&self)?;
         let points = setup.region(body, "region", &self.region)?.points;

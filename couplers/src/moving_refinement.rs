@@ -21,10 +21,11 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 use perimelt_core::material::EnthalpyCurve;
-use perimelt_core::world::BodyIndex;
 use perimelt_core::world::refinement::{Transfer, WindowMover, WindowPosition};
+use perimelt_core::world::{BodyIndex, PhaseChange};
 use perimelt_core::{
-    Coupler, Report, RunError, RunningCoupler, Setup, SetupError, Step, World, keys,
+    Coupler, LoadError, Prepared, Report, RunError, RunningCoupler, SavedState, Setup, SetupError,
+    Step, World, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -66,10 +67,7 @@ impl RunningMovingRefinement {
 
 #[typetag::serialize(name = "moving_refinement")]
 impl Coupler for MovingRefinement {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let plate = setup.find_body(Some(&self.body))?;
         let window = setup.find_body(Some(&self.fine)).map_err(|e| SetupError {
             key: "fine".into(),
@@ -78,6 +76,15 @@ impl Coupler for MovingRefinement {
         if plate == window {
             let message = format!("`body` and `fine` are both `{}`", self.body);
             return Err(SetupError::value("fine", message, "another body"));
+        }
+        let melting = [plate, window].map(|body| setup.world().fact::<PhaseChange>(body));
+        if melting[0] != melting[1] {
+            let message = format!(
+                "bodies `{}` and `{}` melt in different ways",
+                self.body, self.fine
+            );
+            let expected = "`phase_change` with the same keys for both bodies, or for none";
+            return Err(SetupError::value("fine", message, expected));
         }
         let path: Rc<TimedPath> = setup.shared("follow", "heat source", &self.follow)?;
         let heat = Transfer {
@@ -128,11 +135,7 @@ impl RunningCoupler for RunningMovingRefinement {
         Box::new(self.position)
     }
 
-    fn load(
-        &mut self,
-        world: &World,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
         world.restore_window(self.mover, erased_serde::deserialize(state)?);
         self.observe(world);
         Ok(())

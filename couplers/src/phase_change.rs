@@ -17,8 +17,8 @@
 use perimelt_core::error::Problem;
 use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, MushyCapacity};
 use perimelt_core::{
-    Coupler, Read, ReadIfProvided, RunError, RunningCoupler, Setup, SetupError, Step, Stepping,
-    World, Write, keys, world,
+    Coupler, Prepared, Read, ReadIfProvided, RunError, RunningCoupler, Setup, SetupError, Step,
+    Stepping, World, Write, keys, world,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -79,10 +79,7 @@ impl Coupler for PhaseChange {
         setup.publish(body, change)
     }
 
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         setup.stepping(Stepping {
             is_steady: true,

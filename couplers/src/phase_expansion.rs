@@ -16,14 +16,16 @@
 //!
 //! Above the cut-off temperature the strain is constant, as for `thermal_expansion`, which this coupler replaces.
 
+use perimelt_core::numbers::{check_above, check_fraction};
 use perimelt_core::{
-    Coupler, Read, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World, Write, keys,
+    Coupler, Prepared, Read, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World,
+    Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Strain from temperature and from the share of austenite of a `metallurgy`.
+/// Strain from temperature and from the fraction of austenite of a `metallurgy`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PhaseExpansion {
@@ -94,21 +96,14 @@ impl PhaseExpansion {
 
 #[typetag::serialize(name = "phase_expansion")]
 impl Coupler for PhaseExpansion {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        if !(0.0..=1.0).contains(&self.reference_austenite) {
-            let message = format!("`reference_austenite` is {}", self.reference_austenite);
-            return Err(SetupError::value("reference_austenite", message, "0 to 1"));
-        }
-        if let Some(cutoff) = self.cutoff_temperature
-            && (cutoff.is_nan() || cutoff <= self.reference_temperature)
-        {
-            let expected = format!("a temperature above {} K", self.reference_temperature);
-            let message = format!("the cut-off temperature is {cutoff} K");
-            return Err(SetupError::value("cutoff_temperature", message, expected));
-        }
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
+        check_fraction("reference_austenite", self.reference_austenite)?;
+        check_above(
+            "cutoff_temperature",
+            self.cutoff_temperature,
+            self.reference_temperature,
+            "K, the reference temperature",
+        )?;
         if let (None, Some(temperature)) = (self.contraction, self.contraction_temperature) {
             let message =
                 format!("`contraction_temperature` is {temperature} K without `contraction`");
@@ -174,7 +169,7 @@ mod tests {
         }
     }
 
-    /// A body is free of stress at its reference temperature with its share of austenite there.
+    /// A body is free of stress at its reference temperature with its fraction of austenite there.
     #[test]
     fn a_body_may_be_free_of_stress_with_some_austenite() {
         let coupler: PhaseExpansion = read(

@@ -8,8 +8,9 @@
 //! material property `yield_stress`.
 
 use perimelt_core::material::Property;
+use perimelt_core::numbers::check_positive;
 use perimelt_core::{
-    Coupler, Key, Read, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World, Write,
+    Coupler, Key, Prepared, Read, RunError, RunningCoupler, Setup, Step, Stepping, World, Write,
     keys,
 };
 use rayon::prelude::*;
@@ -66,16 +67,12 @@ impl PhaseStrength {
 
 #[typetag::serialize(name = "phase_strength")]
 impl Coupler for PhaseStrength {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         for (key, given, _) in self.given() {
             let values = given.as_ref().map(Property::values).unwrap_or_default();
-            if let Some(value) = values.iter().find(|v| !(**v > 0.0 && v.is_finite())) {
-                let message = format!("the yield stress of {key} is {value} Pa");
-                return Err(SetupError::value(key, message, "numbers above zero, Pa"));
+            for value in values {
+                check_positive(key, value, "Pa")?;
             }
         }
         let [a, f, p, b, m] = self.given().map(|(_, _, key)| key);

@@ -7,7 +7,8 @@
 //! The rest of the work is stored in dislocations; the fraction is 0.8 to 1 in metals. The heat contains
 //! the whole change of the work since it was last computed, for any step sizes of the two physics.
 
-use perimelt_core::{Coupler, RunningCoupler, Setup, SetupError, World, keys};
+use perimelt_core::numbers::check_fraction;
+use perimelt_core::{Coupler, Prepared, RunningCoupler, Setup, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -32,14 +33,8 @@ fn usual_fraction() -> f64 {
 
 #[typetag::serialize(name = "plastic_heat")]
 impl Coupler for PlasticHeat {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        if !(0.0..=1.0).contains(&self.fraction) {
-            let message = format!("`fraction` = {} is outside its range", self.fraction);
-            return Err(SetupError::value("fraction", message, "0 to 1"));
-        }
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
+        check_fraction("fraction", self.fraction)?;
         let body = setup.find_body(self.body.as_deref())?;
         let fraction = self.fraction;
         let find_factors = move |_: &World, factors: &mut [f64]| factors.fill(fraction);
@@ -75,6 +70,6 @@ mod tests {
     fn a_fraction_above_one_is_refused() {
         let mut world = World::new(vec![block([2, 1, 1], 1, STEEL)]);
         let coupler: PlasticHeat = read("fraction = 1.2");
-        assert!(refusal(&mut world, coupler).contains("outside its range"));
+        assert!(refusal(&mut world, coupler).contains("expected a number from 0 to 1"));
     }
 }

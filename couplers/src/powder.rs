@@ -13,7 +13,7 @@
 //! becomes. Shrinkage of the bed and the emissivity of powder are not modelled.
 
 use perimelt_core::{
-    Coupler, Read, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
+    Coupler, Prepared, Read, RunError, RunningCoupler, Setup, Step, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -39,10 +39,7 @@ struct RunningPowder {
 
 #[typetag::serialize(name = "powder")]
 impl Coupler for Powder {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         let powder = match &self.region {
             Some(name) => setup.region(body, "region", name)?.points,

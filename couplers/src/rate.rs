@@ -3,7 +3,8 @@
 use perimelt_core::plugin::load_points;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Key, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
+    Key, LoadError, Read, Report, RunError, RunningCoupler, SavedState, Setup, SetupError, Step,
+    World, Write, keys,
 };
 use rayon::prelude::*;
 
@@ -84,11 +85,7 @@ impl RunningCoupler for WorkHeat {
         Box::new(&self.seen)
     }
 
-    fn load(
-        &mut self,
-        _world: &World,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
         self.seen = load_points(state, self.heat.len())?;
         Ok(())
     }

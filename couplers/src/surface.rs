@@ -69,7 +69,7 @@ pub(crate) fn select(
         return Err(SetupError::value(
             if region.is_some() { "region" } else { "faces" },
             format!(
-                "no point{place} has a bare surface towards {}",
+                "no point{place} has a free surface in direction {}",
                 names.join(", ")
             ),
             "a part of the body's surface",
@@ -102,8 +102,7 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
         law: L,
     ) -> Result<SurfaceHeat<L>, SetupError> {
         if let Some(region) = region {
-            let message =
-                format!("region `{region}` would be a part of the window that moves with it");
+            let message = format!("region `{region}` would move with the window of finer points");
             let error = SetupError::value(
                 "region",
                 message,
@@ -240,7 +239,7 @@ mod tests {
         assert_eq!(count(&[Face::ZMax], Some("left")), Ok(3));
         let (key, message) = count(&[Face::XMax], Some("left")).expect_err("no point there");
         assert_eq!(key, "region");
-        assert!(message.contains("no point of region `left` has a bare surface towards x+"));
+        assert!(message.contains("no point of region `left` has a free surface in direction x+"));
         let (key, message) = count(&[Face::XMax], Some("lef")).expect_err("misspelt");
         assert_eq!(key, "region");
         assert!(message.contains("did you mean `left`?"));
@@ -375,7 +374,7 @@ mod tests {
         };
         let message = free_area(Vec::new(), all).expect_err("nothing is free");
         assert!(
-            message.contains("no part of the surface is free"),
+            message.contains("the boundary has no free surface"),
             "{message}"
         );
     }

@@ -10,7 +10,8 @@
 //! Not beside a specific heat that contains the heat of transformation, such as that of the library's S355, which has
 //! its peak at 735 °C: the heat would count twice.
 
-use perimelt_core::{Coupler, RunningCoupler, Setup, SetupError, World, keys};
+use perimelt_core::numbers::check_at_least;
+use perimelt_core::{Coupler, Prepared, RunningCoupler, Setup, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -35,18 +36,8 @@ fn heat_of_pearlite() -> f64 {
 
 #[typetag::serialize(name = "transformation_heat")]
 impl Coupler for TransformationHeat {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        if !(self.latent_heat >= 0.0 && self.latent_heat.is_finite()) {
-            let message = format!("`latent_heat` is {}", self.latent_heat);
-            return Err(SetupError::value(
-                "latent_heat",
-                message,
-                "zero or above, J/kg",
-            ));
-        }
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
+        check_at_least("latent_heat", self.latent_heat, 0.0, "J/kg")?;
         let body = setup.find_body(self.body.as_deref())?;
         let density = setup.world().density_at_points(body)?;
         let find_factors = move |_: &World, factors: &mut [f64]| {

@@ -6,7 +6,7 @@
 //!
 //! The heat contains the whole change of the work since it was last computed, for any step sizes of the two physics.
 
-use perimelt_core::{Coupler, RunningCoupler, Setup, SetupError, World, keys};
+use perimelt_core::{Coupler, Prepared, RunningCoupler, Setup, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -23,10 +23,7 @@ pub struct ViscousHeat {
 
 #[typetag::serialize(name = "viscous_heat")]
 impl Coupler for ViscousHeat {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         let find_factors = |_: &World, factors: &mut [f64]| factors.fill(1.0);
         let key = &keys::VISCOUS_WORK;

@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 use perimelt_core::in_time::earlier;
 use perimelt_core::log::{CloudField, Log, LogError, LoggedCloud};
 use perimelt_core::{
-    Body, GivenValue, InSpace, Key, Physics, Placed, Problem, RunError, RunningPhysics, Setup,
+    Body, GivenValue, InSpace, Key, Physics, Placed, Prepared, RunError, RunningPhysics, Setup,
     SetupError, Step, StepLimits, Stepping, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
@@ -91,7 +91,7 @@ impl ReplayedField {
 /// Differences between a logged body and the body that receives its fields.
 #[derive(Debug, thiserror::Error)]
 enum Misfit {
-    #[error("body `{body}` of the log holds no state")]
+    #[error("body `{body}` of the log has no states")]
     Empty { body: String },
     #[error(
         "the logged body has {logged} points, this one {here}: use the shape and spacing of the logged run"
@@ -205,10 +205,7 @@ fn values<'a>(cloud: &'a LoggedCloud, name: &str) -> &'a [f64] {
 
 #[typetag::serialize(name = "replay")]
 impl Physics for Replay {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningPhysics> {
         let body = setup.find_body(self.body.as_deref())?;
         setup.stepping(Stepping {
             programme: Some(Box::new(|_| None)),
@@ -227,7 +224,7 @@ impl Physics for Replay {
                 "fields such as `[\"temperature\"]`",
             )),
             _ => {
-                let message = "a state comes from a log or from values";
+                let message = "`replay` needs either a log or values";
                 let expected = "either `log` with `fields`, or `values`";
                 Err(SetupError::value("", message, expected))
             }
@@ -298,20 +295,12 @@ impl Replay {
             .clone()
             .unwrap_or_else(|| here.name.clone());
         if !log.bodies().any(|b| b == name) {
-            let known = log.bodies().map(str::to_string).collect();
             let key = if self.logged_body.is_some() {
                 "logged_body"
             } else {
                 "log"
             };
-            return Err(SetupError::new(
-                key,
-                Problem::UnknownName {
-                    what: "logged body",
-                    name,
-                    known,
-                },
-            ));
+            return Err(SetupError::unknown(key, "logged body", &name, log.bodies()));
         }
         if log.times(&name).is_empty() {
             return Err(SetupError::other("log", Misfit::Empty { body: name }));
@@ -323,13 +312,8 @@ impl Replay {
         let mut fields = Vec::new();
         for field in &self.fields {
             let Some(logged) = find(&first, field) else {
-                let known = first.fields.iter().map(|f| f.name.clone()).collect();
-                let problem = Problem::UnknownName {
-                    what: "logged field",
-                    name: field.clone(),
-                    known,
-                };
-                return Err(SetupError::new("fields", problem));
+                let known = first.fields.iter().map(|f| &f.name);
+                return Err(SetupError::unknown("fields", "logged field", field, known));
             };
             let (name, unit) = (field.clone(), logged.unit.clone());
             fields.push(match logged.components {
@@ -356,15 +340,8 @@ impl Replay {
         for (name, value) in &self.values {
             let key = format!("values.{name}");
             let Some((_, unit, _)) = keys::ALL.iter().find(|(known, ..)| known == name) else {
-                let known = keys::ALL
-                    .iter()
-                    .map(|(name, ..)| name.to_string())
-                    .collect();
-                let (what, name) = ("field", name.clone());
-                return Err(SetupError::new(
-                    key,
-                    Problem::UnknownName { what, name, known },
-                ));
+                let known = keys::ALL.iter().map(|(name, ..)| *name);
+                return Err(SetupError::unknown(key, "field", name, known));
             };
             let positions = setup.body(body).points.position.clone();
             let values = setup.placed(

@@ -24,8 +24,8 @@ use perimelt_core::material::Property;
 use perimelt_core::plugin::load_points;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::{
-    Face, Physics, Read, RunError, RunningPhysics, Setup, SetupError, Step, Work, World, Write,
-    keys,
+    Face, LoadError, Physics, Prepared, Read, RunError, RunningPhysics, SavedState, Setup,
+    SetupError, Step, Work, World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -158,10 +158,7 @@ fn common(body: &Body, property: &str) -> Option<f64> {
 
 #[typetag::serialize(name = "thermal_history")]
 impl Physics for ThermalHistory {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningPhysics> {
         Ok(Box::new(self.prepare_history(setup)?))
     }
 }
@@ -229,11 +226,7 @@ impl RunningPhysics for RunningHistory {
         Box::new(&self.points)
     }
 
-    fn load(
-        &mut self,
-        _world: &World,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
         self.points = load_points(state, self.points.len())?;
         Ok(())
     }

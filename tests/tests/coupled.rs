@@ -7,8 +7,8 @@ use std::process::Stdio;
 
 use perimelt::case::Case;
 use perimelt::core::{
-    Family, FamilySpec, Key, Physics, RunError, RunningPhysics, Setup, SetupError, Simulation,
-    Step, StepLimits, Work, World, Write, register_physics,
+    Family, FamilySpec, Key, Physics, Prepared, RunError, RunningPhysics, Setup, Simulation, Step,
+    StepLimits, Work, World, Write, register_physics,
 };
 use perimelt::physics::mechanical::moduli::Elasticity;
 use perimelt::physics::mechanical::ordinary::Ordinary;
@@ -402,10 +402,7 @@ struct RunningHumidity {
 
 #[typetag::serialize(name = "humidity_of_the_air")]
 impl Physics for Humidity {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningPhysics> {
         let key = Key::new("humidity", "1", "relative humidity");
         Ok(Box::new(RunningHumidity {
             interval: self.interval,

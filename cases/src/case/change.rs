@@ -137,7 +137,12 @@ fn edit(text: &str, key: &str) -> std::result::Result<Edit, Missing> {
                     after: "",
                 });
             }
-            _ => return Err((format!("`{key}` has nothing below `{name}`"), None)),
+            _ => {
+                return Err((
+                    format!("`{name}` in `{key}` is a value and has no keys"),
+                    None,
+                ));
+            }
         }
     }
 }
@@ -248,7 +253,7 @@ fn in_list<'t, 'i>(
     match (of_type.next(), of_type.next()) {
         (Some(element), None) => Ok(element),
         (Some(_), Some(_)) => Err((
-            format!("`{key}`: several are of type `{name}`"),
+            format!("`{key}`: several tables have the type `{name}`"),
             Some("give them a `name`, or count from 0".into()),
         )),
         (None, _) => {
@@ -256,10 +261,7 @@ fn in_list<'t, 'i>(
                 .iter()
                 .filter_map(|e| text(e, "name").or(text(e, "type")));
             let hint = format!("there are {}", listed(known));
-            Err((
-                format!("`{key}`: nothing there is called `{name}`"),
-                Some(hint),
-            ))
+            Err((format!("`{key}`: no table is called `{name}`"), Some(hint)))
         }
     }
 }

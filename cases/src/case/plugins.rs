@@ -153,7 +153,7 @@ impl PluginTable<'_> {
                 Some("") | None => error("`name` is not text".into(), "expected a name in quotes"),
                 Some(taken) if is_taken(taken) => {
                     let section = self.section;
-                    let message = format!("another of the {section} is called `{taken}`");
+                    let message = format!("another table of {section} is called `{taken}`");
                     error(message, "expected a name of its own")
                 }
                 Some(name) => Ok(name.to_string()),

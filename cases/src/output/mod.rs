@@ -100,7 +100,7 @@ impl LogPlace {
     /// Claims the place called `given`.
     ///
     /// # Errors
-    /// It exists and is no regular file or not to be replaced, its links lead in a circle, another run writes there, or
+    /// It exists and is no regular file or not to be replaced, its symbolic links form a cycle, another run writes there, or
     /// the folder takes no files.
     pub fn claim(given: &Path, existing: Existing) -> Result<Self, PlaceError> {
         let failed = |source| PlaceError::Io {
@@ -402,7 +402,7 @@ fn behind_links(given: &Path) -> io::Result<PathBuf> {
             Err(_) => return Ok(file),
         }
     }
-    Err(io::Error::other("its links lead in a circle"))
+    Err(io::Error::other("its symbolic links form a cycle"))
 }
 
 /// Kind of a path that is no regular file; `None` where it does not exist or its metadata cannot be read.

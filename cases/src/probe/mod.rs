@@ -78,7 +78,7 @@ impl Probe {
     /// The key at fault.
     pub fn new(section: &ProbeSection, simulation: &Simulation) -> Result<Probe, SetupError> {
         let world = simulation.world();
-        let body = find_body(world, section.body.as_deref())?;
+        let body = world.find_body(section.body.as_deref())?;
         let points = world.body(body);
         let name = section.name.clone();
         if let ProbeKind::MeltPool(pool) = &section.kind {
@@ -123,7 +123,7 @@ impl Probe {
                 (columns, Quantity::Positions(component, spots, finer))
             }
             ProbeKind::Region(region) => {
-                let selected = points_of(points, region.name.as_deref(), "kind.region.name")?;
+                let selected = points_of(world, body, region.name.as_deref(), "kind.region.name")?;
                 let unit = match (region.statistic, points.dimension) {
                     (Statistic::Integral, _) => format!("{unit} m3"),
                     _ => unit,
@@ -185,37 +185,15 @@ impl Probe {
 ///
 /// # Errors
 /// At `key`, when the body has no such region.
-pub fn points_of(body: &Body, region: Option<&str>, key: &str) -> Result<Vec<u32>, SetupError> {
-    let Some(name) = region else {
-        return Ok((0..body.points.len() as u32).collect());
-    };
-    let found = body.regions.get(name).map(|r| r.points.clone());
-    found.ok_or_else(|| {
-        let problem = Problem::UnknownName {
-            what: "region",
-            name: name.into(),
-            known: body.regions.keys().cloned().collect(),
-        };
-        SetupError::new(key, problem)
-    })
-}
-
-pub(crate) fn find_body(world: &World, name: Option<&str>) -> Result<usize, SetupError> {
-    let known: Vec<String> = world.bodies().iter().map(|b| b.name.clone()).collect();
-    match name {
-        Some(name) => known.iter().position(|b| b == name).ok_or_else(|| {
-            let name = name.to_string();
-            SetupError::new(
-                "body",
-                Problem::UnknownName {
-                    what: "body",
-                    name,
-                    known,
-                },
-            )
-        }),
-        None if known.len() == 1 => Ok(0),
-        None => Err(SetupError::new("", Problem::WhichBody(known))),
+pub fn points_of(
+    world: &World,
+    body: usize,
+    region: Option<&str>,
+    key: &str,
+) -> Result<Vec<u32>, SetupError> {
+    match region {
+        Some(name) => Ok(world.region(body, key, name)?.points.clone()),
+        None => Ok((0..world.body(body).points.len() as u32).collect()),
     }
 }
 
@@ -231,15 +209,8 @@ pub(crate) fn find_field(
     {
         return Ok(index);
     }
-    let known = of_body().map(|f| f.name.clone()).collect();
-    Err(SetupError::new(
-        key,
-        Problem::UnknownName {
-            what: "field",
-            name: name.into(),
-            known,
-        },
-    ))
+    let known = of_body().map(|f| &f.name);
+    Err(SetupError::unknown(key, "field", name, known))
 }
 
 /// The largest value; NaN if one of the values is NaN, which `f64::max` would ignore.

@@ -113,8 +113,8 @@ impl RunOutcome {
             ));
             if boiling.is_none() && *peak > PLASMA {
                 warnings.push(format!(
-                    "{}: the highest temperature is {kelvins} K, at which no metal is condensed: the power, the size of the source, \
-                     or the units of the material may be wrong",
+                    "{}: the highest temperature is {kelvins} K, above the boiling point of every metal: the power, the size \
+                     of the source, or the units of the material may be wrong",
                     body.name
                 ));
             }
@@ -157,8 +157,8 @@ fn source_energies(simulation: &Simulation, facts: &mut Vec<String>, warnings: &
                 false => format!(" until {} s", unit::number(simulation.time(), 4)),
             };
             warnings.push(format!(
-                "{label}: {percent} % of the energy missed the body{until}: cells without material, or a curved surface that falls \
-                 off from the plane of the source"
+                "{label}: {percent} % of the energy was lost beside the body{until}: the source reaches cells without material, \
+                 or a surface that curves away from its plane"
             ));
         }
     }

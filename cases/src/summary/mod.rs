@@ -198,7 +198,11 @@ pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, Log
         extreme("displacement", "largest displacement at the end", "m");
         extreme("damage", "largest damage at the end", "1");
         extreme("hardness", "largest hardness at the end", "HV");
-        extreme("martensite", "largest share of martensite at the end", "1");
+        extreme(
+            "martensite",
+            "largest fraction of martensite at the end",
+            "1",
+        );
         stress::stresses(&record, &mut found);
     }
     mechanics::stress_along_lines(log, &mut found);

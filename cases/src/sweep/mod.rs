@@ -94,7 +94,7 @@ pub enum SweepError {
     #[error("`--jobs` must be at least 1")]
     NoJobs,
     /// A file of another sweep.
-    #[error("{path} is of a sweep with other cases; give another `--out`", path = .0.display())]
+    #[error("{path} belongs to a sweep of other cases; give another `--out`", path = .0.display())]
     OtherSweep(PathBuf),
     /// A file cannot be written.
     #[error("cannot write {path}: {source}", path = path.display())]
@@ -124,7 +124,7 @@ fn count_text(failed: usize, interrupted: usize, all: usize) -> String {
     match (failed, interrupted) {
         (failed, 0) => format!("{failed} of {all} runs failed"),
         (0, interrupted) => format!(
-            "{interrupted} of {all} runs {were} interrupted; the same command goes on with them"
+            "{interrupted} of {all} runs {were} interrupted; the same command continues them"
         ),
         _ => format!("{failed} of {all} runs failed, {interrupted} {were} interrupted"),
     }

@@ -165,7 +165,7 @@ pub enum BodyError {
     #[error("`dimension` = {0} must be 1, 2 or 3")]
     Dimension(usize),
     /// No cell centre lies inside the shape.
-    #[error("no point: the shape is {} m, smaller than one cell of {} m", position(*extent), number(*spacing, 5))]
+    #[error("the body has no points: its shape of {} m is smaller than one cell of {} m", position(*extent), number(*spacing, 5))]
     NoPoints {
         /// Size of the bounding box, m.
         extent: [f64; 3],

@@ -10,14 +10,15 @@ use super::Ending;
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// Neither a file nor a link to one.
-    #[error("{path} is no regular file, which a log must be", path = path.display())]
+    #[error("{path} is not a regular file; a log must be one", path = path.display())]
     NotAFile {
         /// what was given
         path: PathBuf,
     },
     /// An error of the operating system while a run goes on, with a log that it can be resumed from.
     #[error(
-        "could not write the log {path}: {source}; the log so far is sound: `perimelt resume {path}` continues it",
+        "could not write the log {path}: {source}; the log is intact up to the last complete state: \
+         `perimelt resume {path}` continues it",
         path = path.display()
     )]
     Interrupted {
@@ -112,7 +113,7 @@ pub enum LogError {
         source: prost::DecodeError,
     },
     /// A point cloud with a layout that Perimelt does not write.
-    #[error("a point cloud of topic {topic} is not as Perimelt writes it: {what}")]
+    #[error("a point cloud of topic {topic} does not have the format of Perimelt: {what}")]
     PointCloudLayout {
         /// topic of the message
         topic: String,

@@ -243,7 +243,9 @@ pub(super) fn decode(message: &[u8], time: f64) -> Result<LoggedCloud, Undecodab
     let message = PointCloud::decode(message).map_err(Undecodable::Protobuf)?;
     let stride = message.point_stride as usize;
     if stride == 0 || !message.data.len().is_multiple_of(stride) {
-        return Err(Undecodable::Layout("its data is no whole number of points"));
+        return Err(Undecodable::Layout(
+            "the length of its data is not a multiple of the size of a point",
+        ));
     }
     let mut elements = message.fields.as_slice();
     for coordinate in VECTOR {

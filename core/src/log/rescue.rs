@@ -42,7 +42,7 @@ pub(super) fn describe(
         contents.lose("the description of the run", 0, what);
     }
     if contents.case_text.is_none() {
-        let what = "there is no sound attachment `case.toml`";
+        let what = "the attachment `case.toml` is missing or damaged";
         contents.lose("the case file", 0, what.into());
     }
     let is_known = |name: &&str| run.bodies.iter().any(|body| body.name == *name);
@@ -54,7 +54,9 @@ pub(super) fn describe(
         .collect();
     unknown.sort();
     for name in unknown {
-        let what = format!("nothing is said about the body `{name}`, which has states");
+        let what = format!(
+            "the description of body `{name}` is missing, although the log has states of it"
+        );
         contents.lose("the description of the run", 0, what);
         run.bodies.push(BodyInfo {
             name,

@@ -21,6 +21,15 @@ use crate::setup::Setup;
 use crate::stepping::{Step, StepLimits, Work};
 use crate::world::World;
 
+/// A plugin that is ready to run, or the mistake in its keys.
+pub type Prepared<T> = Result<Box<T>, SetupError>;
+
+/// State that a plugin saved.
+pub type SavedState<'a, 'de> = &'a mut dyn erased_serde::Deserializer<'de>;
+
+/// Why a saved state cannot be read.
+pub use erased_serde::Error as LoadError;
+
 /// The keys of something with a state that the scheduler steps.
 #[typetag::serialize(tag = "type")]
 pub trait Physics {
@@ -37,10 +46,7 @@ pub trait Physics {
     ///
     /// # Errors
     /// [`SetupError`] with the key to blame.
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningPhysics>, SetupError>;
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningPhysics>;
 }
 
 /// A physics that is ready to run.
@@ -105,11 +111,7 @@ pub trait RunningPhysics {
     ///
     /// # Errors
     /// When the data do not have the form of the state.
-    fn load(
-        &mut self,
-        _world: &World,
-        _state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, _world: &World, _state: SavedState<'_, '_>) -> Result<(), LoadError> {
         Ok(())
     }
 }
@@ -130,10 +132,7 @@ pub trait Coupler {
     ///
     /// # Errors
     /// [`SetupError`] with the key to blame.
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError>;
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler>;
 }
 
 /// A coupler that is ready to run.
@@ -177,11 +176,7 @@ pub trait RunningCoupler {
     ///
     /// # Errors
     /// When the data do not have the form of the state.
-    fn load(
-        &mut self,
-        _world: &World,
-        _state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, _world: &World, _state: SavedState<'_, '_>) -> Result<(), LoadError> {
         Ok(())
     }
 }
@@ -191,9 +186,9 @@ pub trait RunningCoupler {
 /// # Errors
 /// When the state cannot be read, or is that of another number of points.
 pub fn load_points<T: serde::de::DeserializeOwned>(
-    state: &mut dyn erased_serde::Deserializer<'_>,
+    state: SavedState<'_, '_>,
     points: usize,
-) -> Result<Vec<T>, erased_serde::Error> {
+) -> Result<Vec<T>, LoadError> {
     let values: Vec<T> = erased_serde::deserialize(state)?;
     if values.len() == points {
         return Ok(values);

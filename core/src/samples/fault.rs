@@ -28,10 +28,10 @@ pub enum SamplesFault {
     #[error(transparent)]
     Number(#[from] NotANumber),
     /// No times.
-    #[error("the table has no column `time` (s), but {}", list(.0))]
+    #[error("the table has no column `time` (s); it has {}", list(.0))]
     NoTime(Vec<String>),
     /// No coordinates.
-    #[error("the table has none of the columns `x`, `y` and `z`, but {}", list(.0))]
+    #[error("the table has none of the columns `x`, `y` and `z`; it has {}", list(.0))]
     NoPositions(Vec<String>),
     /// No column for the values.
     #[error("it has no column `{name}`; it has {}", list(known))]

@@ -158,7 +158,7 @@ fn mistakes_in_tables_name_the_file() {
         (
             "a,b\n1,2",
             None,
-            "none of the columns `x`, `y` and `z`, but `a`, `b`",
+            "none of the columns `x`, `y` and `z`; it has `a`, `b`",
         ),
         (
             "x,T,U\n1,2,3",

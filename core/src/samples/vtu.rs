@@ -179,7 +179,7 @@ impl ArrayReader<'_> {
             if field.values.len() != places * field.components {
                 let (array, reason) = (
                     field.name.clone(),
-                    "it has not one value for each point or cell",
+                    "it needs one value for each point or for each cell",
                 );
                 return Err(VtkError::Array { array, reason });
             }
@@ -228,7 +228,7 @@ impl ArrayReader<'_> {
         let centres: Option<Vec<_>> = ends.iter().map(&mut centre).collect();
         centres.ok_or(VtkError::Array {
             array: "connectivity".into(),
-            reason: "a cell has no points, or points that are not there",
+            reason: "a cell has no points, or refers to points that do not exist",
         })
     }
 
@@ -244,7 +244,7 @@ impl ArrayReader<'_> {
                 let numbers = text().split_whitespace().map(str::parse::<f64>);
                 return numbers
                     .collect::<Result<_, _>>()
-                    .map_err(|_| fault("it contains text that is no number"));
+                    .map_err(|_| fault("it contains text that is not a number"));
             }
             "binary" => Bytes::base64(text().as_bytes()),
             "appended" => {
@@ -274,7 +274,9 @@ impl ArrayReader<'_> {
                 ));
             }
         };
-        let data = data.ok_or_else(|| fault("the file ends before it, or it is damaged"))?;
+        let data = data.ok_or_else(|| {
+            fault("the file ends before the end of the array, or the array is damaged")
+        })?;
         let kind = array.attribute("type").unwrap_or("");
         decoded(kind, &data, self.big_endian)
             .ok_or_else(|| fault("the type of its numbers is unknown"))

@@ -207,10 +207,10 @@ impl Setup<'_> {
     pub fn add<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Write<T>, SetupError> {
         if self.plugins[self.current].is_physics {
             let message = format!(
-                "a physics adds to `{}`, but only couplers add into sinks, which are zeroed before them",
+                "a physics cannot add to `{}`: sinks are set to zero before couplers add to them",
                 key.name
             );
-            let expected = "a derived field of the physics and a coupler that adds it";
+            let expected = "a field that the physics writes and a coupler that adds it";
             return Err(SetupError::value("", message, expected));
         }
         self.declare(body, key, Access::Add).map(Write::new)

@@ -58,30 +58,7 @@ impl Setup<'_> {
     /// # Errors
     /// When there is none of that name, or several and no name.
     pub fn find_body(&self, name: Option<&str>) -> Result<BodyIndex, SetupError> {
-        let names = || {
-            self.world
-                .bodies
-                .iter()
-                .map(|b| b.name.clone())
-                .collect::<Vec<_>>()
-        };
-        match name {
-            Some(name) => self
-                .world
-                .bodies
-                .iter()
-                .position(|b| b.name == name)
-                .ok_or_else(|| {
-                    let problem = Problem::UnknownName {
-                        what: "body",
-                        name: name.into(),
-                        known: names(),
-                    };
-                    SetupError::new("body", problem)
-                }),
-            None if self.world.bodies.len() == 1 => Ok(0),
-            None => Err(SetupError::new("body", Problem::WhichBody(names()))),
-        }
+        self.world.find_body(name)
     }
 
     /// A body.
@@ -94,18 +71,8 @@ impl Setup<'_> {
     /// # Errors
     /// When there is none of that name, or it holds no point; blamed on `key`.
     pub fn region(&self, body: BodyIndex, key: &str, name: &str) -> Result<Region, SetupError> {
+        let region = self.world.region(body, key, name)?;
         let body = self.body(body);
-        let region = body.regions.get(name).ok_or_else(|| {
-            let known = body.regions.keys().cloned().collect();
-            SetupError::new(
-                key,
-                Problem::UnknownName {
-                    what: "region",
-                    name: name.into(),
-                    known,
-                },
-            )
-        })?;
         if region.points.is_empty() {
             let (from, to) = body.bounds();
             let problem = Problem::EmptyRegion {

@@ -50,7 +50,7 @@ impl Setup<'_> {
             let (cells, covered) = self.free_cells(&exchange);
             if cells.is_empty() {
                 let reasons: Vec<String> = covered.keys().map(ToString::to_string).collect();
-                let message = format!("no part of the surface is free: {}", reasons.join("; "));
+                let message = format!("the boundary has no free surface: {}", reasons.join("; "));
                 let expected = "faces that the surroundings can reach";
                 mistakes.push((plugin, SetupError::value("faces", message, expected)));
                 continue;
@@ -79,8 +79,8 @@ impl Setup<'_> {
             exchange.set_cells(cells);
         }
         for plugin in twice {
-            let message = "acts on faces on which another boundary of its kind acts, too (films of air and of water are of one kind): \
-                           both are added";
+            let message = "acts on faces on which another boundary of its kind acts (`convection` and `water_jet` are of one kind): \
+                           both exchange heat there";
             let plugin = self.label(plugin).to_string();
             self.warnings.push(Warning {
                 plugin,

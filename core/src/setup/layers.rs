@@ -84,8 +84,8 @@ impl Setup<'_> {
             ));
         }
         if self.body(body).periodic[face.axis()] {
-            let message = format!("behind face `{}` the body goes on as a copy", face.name());
-            let expected = "a face along an axis that is not among the `periodic` ones of the body";
+            let message = format!("the body is periodic across face `{}`", face.name());
+            let expected = "a face of an axis that is not in `periodic` of the body";
             return Err(SetupError::value("face", message, expected));
         }
         if let Some(lattice) = self.body(body).lattice()
@@ -93,9 +93,10 @@ impl Setup<'_> {
         {
             // as of a quarter that is cut out of a cylinder: the box is that of the whole one
             let (name, face) = (&self.body(body).name, face.name());
-            let message =
-                format!("no point of body `{name}` lies at face `{face}` of the box of its shape");
-            let expected = "a shape whose box ends where its points do, such as a box from which the rest is subtracted";
+            let message = format!(
+                "no point of body `{name}` lies at face `{face}` of the bounding box of its shape"
+            );
+            let expected = "a shape whose bounding box ends at its points, such as a box from which the rest is subtracted";
             return Err(SetupError::value("face", message, expected));
         }
         let access = match kind {

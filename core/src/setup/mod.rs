@@ -219,14 +219,9 @@ impl<'w> Setup<'w> {
         let all = self.shared.iter();
         let mut all = all.filter_map(|(n, value)| Some((n, value.clone().downcast::<T>().ok()?)));
         let found = all.clone().find(|(n, _)| *n == name);
-        found.map(|(_, value)| value).ok_or_else(|| {
-            let problem = Problem::UnknownName {
-                what,
-                name: name.into(),
-                known: all.by_ref().map(|(n, _)| n.clone()).collect(),
-            };
-            SetupError::new(key, problem)
-        })
+        found
+            .map(|(_, value)| value)
+            .ok_or_else(|| SetupError::unknown(key, what, name, all.by_ref().map(|(n, _)| n)))
     }
 
     /// Checks that what is read is provided, that what is added is consumed and that plugins support what happens to

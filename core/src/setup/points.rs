@@ -3,10 +3,10 @@
 use super::{Access, Declaration, Happening, RefusedChange, Setup};
 use crate::error::SetupError;
 use crate::field::{Write, keys};
+use crate::world::BodyIndex;
 use crate::world::changes::{Change, Changes};
 use crate::world::configuration::{Description, PointMover};
 use crate::world::refinement::{Refinement, Transfer, WindowMover};
-use crate::world::{BodyIndex, PhaseChange};
 
 impl Setup<'_> {
     /// Notes that the calling plugin changes the points of a body.
@@ -133,7 +133,6 @@ impl Setup<'_> {
                 return Err((plugin, self.unsupported(happening, plugin)));
             }
         }
-        self.check_windows()?;
         self.read_activity();
         Ok(())
     }
@@ -158,9 +157,9 @@ impl Setup<'_> {
         );
         let what = match happening.change {
             Change::Motion => format!("`{by}` moves the points of body `{body}`"),
-            Change::Flow => format!("`{by}` lets matter flow through the points of body `{body}`"),
+            Change::Flow => format!("`{by}` lets a fluid flow through the points of body `{body}`"),
             Change::Births => format!("`{by}` adds material to body `{body}`"),
-            Change::Cuts => format!("`{by}` takes material off body `{body}`"),
+            Change::Cuts => format!("`{by}` removes material from body `{body}`"),
             Change::Window => format!("`{by}` moves body `{body}` as a window of finer points"),
         };
         let message = format!("{what}, which `{}` does not support", self.label(plugin));
@@ -179,28 +178,6 @@ impl Setup<'_> {
             Some(happening) => Err(self.unsupported(happening, self.current)),
             None => Ok(()),
         }
-    }
-
-    /// Refuses bodies of a refinement that melt differently.
-    fn check_windows(&self) -> Result<(), (usize, SetupError)> {
-        let windows = self
-            .happenings
-            .iter()
-            .filter(|h| h.change == Change::Window);
-        for Happening { body, plugin, .. } in windows {
-            let Some((refinement, _)) = self.world.refinement(*body) else {
-                continue;
-            };
-            let bodies = [refinement.plate(), refinement.window()];
-            let melting = bodies.map(|b| self.world.fact::<PhaseChange>(b));
-            if melting[0] != melting[1] {
-                let [plate, window] = bodies.map(|b| &self.body(b).name);
-                let message = format!("bodies `{plate}` and `{window}` do not melt alike");
-                let expected = "`phase_change` with the same keys for both bodies, or for none";
-                return Err((*plugin, SetupError::value("fine", message, expected)));
-            }
-        }
-        Ok(())
     }
 
     /// Lets the plugins that act on a growing body read which of its points have material, but for those that set it.

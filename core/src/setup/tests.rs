@@ -201,7 +201,11 @@ fn a_physics_knows_what_couplers_add_and_write() {
     assert!(setup.take_if_added(1, &SINK).expect("free").is_none());
     assert!(setup.consume_if_added(0, &SINK).expect("free").is_some());
     let refused = setup.add(0, &SINK).expect_err("a physics");
-    assert!(refused.to_string().contains("a physics adds to `added`"));
+    assert!(
+        refused
+            .to_string()
+            .contains("a physics cannot add to `added`")
+    );
     assert_eq!(finished(setup), Ok(()));
     let first = world.fields().find(0, "x").expect("a field");
     let values = world.fields().field(first).data().flat().to_vec();
@@ -367,7 +371,7 @@ fn a_periodic_body_has_no_layer_along_its_axis() {
     let refused = setup
         .layer(0, &X, Face::XMax, LayerRole::Prescribed)
         .expect_err("a copy");
-    assert!(refused.to_string().contains("goes on as a copy"));
+    assert!(refused.to_string().contains("is periodic across face"));
     setup
         .layer(0, &X, Face::YMax, LayerRole::Prescribed)
         .expect("free");

@@ -126,7 +126,7 @@ impl Extrusion {
             if let Some((j, _)) = others.find(|(_, other)| meet(*edge, **other)) {
                 let other = j + 1;
                 return Some(format!(
-                    "the edges behind corners {corner} and {other} of the polygon meet"
+                    "the edges that start at corners {corner} and {other} of the polygon intersect"
                 ));
             }
         }
@@ -199,10 +199,13 @@ mod tests {
                 "corner 2 of the polygon is repeated",
             ),
             ("[[0, 0], [2, 0], [1, 0]]", "folds back at corner 2"),
-            ("[[0, 0], [1, 1], [1, 0], [0, 1]]", "behind corners 1 and 3"),
+            (
+                "[[0, 0], [1, 1], [1, 0], [0, 1]]",
+                "start at corners 1 and 3",
+            ),
             (
                 "[[0, 0], [2, 0], [2, 1], [1, 0], [0, 1]]",
-                "behind corners 1 and 3",
+                "start at corners 1 and 3",
             ),
             ("[[0, 0], [1, 0], [0, nan]]", "coordinate NaN"),
         ] {

@@ -208,7 +208,9 @@ impl Simulation {
             progress.evaluations.len(),
         ];
         if lists.iter().any(|found| *found != count) {
-            return Err(format!("its clock is not that of {count} physics"));
+            return Err(format!(
+                "its clock has another number of physics than {count}"
+            ));
         }
         if !(time.is_finite() && *time >= 0.0 && progress.last_step >= 0.0) {
             return Err(format!("its time is {time} s"));

@@ -103,7 +103,7 @@ impl Relaxation {
             return Err(SolverError::OutOfRange {
                 what: "a fictitious mass",
                 value,
-                range: "positive; is a point without bonds among the moving ones?",
+                range: "positive; check for free points without bonds",
             });
         }
         let Self {

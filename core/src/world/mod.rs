@@ -15,7 +15,8 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
-use crate::body::{Body, Face};
+use crate::body::{Body, Face, Region};
+use crate::error::{Problem, SetupError};
 use crate::family::{LayerRule, Traction};
 use crate::field::{FieldIndex, Fields, Read, ReadIfProvided, Value, Write, keys};
 use crate::material::{LatentHeatForm, MushyCapacity};
@@ -169,6 +170,35 @@ impl World {
     /// One body.
     pub fn body(&self, index: BodyIndex) -> &Body {
         &self.bodies[index]
+    }
+
+    /// The body called `name`, or the only one.
+    ///
+    /// # Errors
+    /// When there is none of that name, or several and no name; blamed on `body`.
+    pub fn find_body(&self, name: Option<&str>) -> Result<BodyIndex, SetupError> {
+        let names = self.bodies.iter().map(|b| &b.name);
+        match name {
+            Some(name) => names
+                .clone()
+                .position(|n| n == name)
+                .ok_or_else(|| SetupError::unknown("body", "body", name, names)),
+            None if self.bodies.len() == 1 => Ok(0),
+            None => {
+                let problem = Problem::WhichBody(names.cloned().collect());
+                Err(SetupError::new("body", problem))
+            }
+        }
+    }
+
+    /// The region called `name` of a body.
+    ///
+    /// # Errors
+    /// When there is none of that name; blamed on `key`.
+    pub fn region(&self, body: BodyIndex, key: &str, name: &str) -> Result<&Region, SetupError> {
+        let regions = &self.bodies[body].regions;
+        let unknown = || SetupError::unknown(key, "region", name, regions.keys());
+        regions.get(name).ok_or_else(unknown)
     }
 
     /// Facts of a type about a body, in the order in which they were published.

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 use perimelt_core::{
-    Axis, Coupler, Programme, RunError, RunningCoupler, Setup, SetupError, Step, StepLimits, World,
-    Write, keys,
+    Axis, Coupler, Prepared, Programme, RunError, RunningCoupler, Setup, SetupError, Step,
+    StepLimits, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -45,10 +45,7 @@ impl RunningClamp {
 
 #[typetag::serialize(name = "clamp")]
 impl Coupler for Clamp {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         let dimension = setup.body(body).dimension;
         let held = match &self.components {

@@ -6,7 +6,7 @@
 //! `fracture`. Without `contact` its faces pass through each other when it closes.
 
 use perimelt_core::text::position;
-use perimelt_core::{Body, Coupler, Cut, Face, RunningCoupler, Setup, SetupError};
+use perimelt_core::{Body, Coupler, Cut, Face, Prepared, RunningCoupler, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -79,7 +79,7 @@ impl InsulatedCrack {
                 (vec![Cut::disc(d.centre, d.normal, d.radius)], "disc")
             }
             _ => {
-                let message = "the crack has no description, or several";
+                let message = "the crack needs exactly one description";
                 let expected = "one of `from` and `to`, `through`, `corner` and `edges`, or `disc`";
                 return Err(SetupError::value("", message, expected));
             }
@@ -111,10 +111,7 @@ fn separates_cells(body: &Body, cut: &Cut) -> bool {
 
 #[typetag::serialize(name = "insulated_crack")]
 impl Coupler for InsulatedCrack {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         let (cuts, key) = self.cuts()?;
         let this = setup.body(body);

@@ -1,9 +1,7 @@
 //! Weight: `body_force += rho g`, with the reference density of each material.
 
 use nalgebra::Vector3;
-use perimelt_core::{
-    Coupler, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
-};
+use perimelt_core::{Coupler, Prepared, RunError, RunningCoupler, Setup, Step, World, Write, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -28,10 +26,7 @@ struct RunningGravity {
 
 #[typetag::serialize(name = "gravity")]
 impl Coupler for Gravity {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         setup.world().property(body, "density")?;
         let acceleration = Vector3::from(self.acceleration);

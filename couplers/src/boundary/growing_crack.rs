@@ -7,9 +7,11 @@
 
 use nalgebra::Vector3;
 use perimelt_core::cell_list::CellList;
+use perimelt_core::numbers::check_at_least;
 use perimelt_core::world::BondBreaker;
 use perimelt_core::{
-    Body, Coupler, Horizon, Report, RunError, RunningCoupler, Setup, SetupError, Step, World,
+    Body, Coupler, Horizon, Prepared, Report, RunError, RunningCoupler, Setup, SetupError, Step,
+    World,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -57,27 +59,16 @@ struct RunningGrowingCrack {
 impl GrowingCrack {
     fn check(&self) -> Result<(), SetupError> {
         if self.from == self.to || self.from.iter().chain(&self.to).any(|x| !x.is_finite()) {
-            let message = "the crack has no length";
+            let message = "`from` and `to` are the same point, or not finite";
             return Err(SetupError::value(
                 "to",
                 message,
-                "a place other than `from`",
+                "a finite position other than `from`",
             ));
         }
-        for (key, value, least) in [
-            ("speed", self.speed, 0.0),
-            ("start_time", self.start_time, 0.0),
-            ("reach", self.reach, 1.0),
-        ] {
-            if !(value >= least && value.is_finite()) {
-                let expected = format!("{least} or above");
-                return Err(SetupError::value(
-                    key,
-                    format!("`{key}` is {value}"),
-                    expected,
-                ));
-            }
-        }
+        check_at_least("speed", self.speed, 0.0, "m/s")?;
+        check_at_least("start_time", self.start_time, 0.0, "s")?;
+        check_at_least("reach", self.reach, 1.0, "spacing")?;
         Ok(())
     }
 
@@ -117,14 +108,11 @@ impl GrowingCrack {
 
 #[typetag::serialize(name = "growing_crack")]
 impl Coupler for GrowingCrack {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         self.check()?;
         let body = setup.find_body(self.body.as_deref())?;
         if setup.body(body).dimension != 2 {
-            let message = "the crack is a line through the thickness";
+            let message = "a crack that grows is a line in a 2D body";
             return Err(SetupError::value("body", message, "a 2D body"));
         }
         let crossings = self.crossings(setup.body(body));

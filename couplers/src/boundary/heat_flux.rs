@@ -3,8 +3,8 @@
 
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
-    Coupler, Face, Programme, Report, RunError, RunningCoupler, Setup, SetupError, Step,
-    StepLimits, World, flattened,
+    Coupler, Face, Prepared, Programme, Report, RunError, RunningCoupler, Setup, Step, StepLimits,
+    World, flattened,
 };
 
 use super::with_programme;
@@ -52,10 +52,7 @@ impl SurfaceLaw for PrescribedFlux {
 
 #[typetag::serialize(name = "heat_flux")]
 impl Coupler for HeatFlux {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.place.body.as_deref())?;
         let region = self.place.region.as_deref();
         let law = PrescribedFlux(self.flux.at(0.0));

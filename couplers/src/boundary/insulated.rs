@@ -5,7 +5,7 @@
 //! zero. A face without any boundary is insulated too: its families are truncated.
 
 use perimelt_core::{
-    Coupler, Face, Key, LayerRole, RunningCoupler, Setup, SetupError, Stepping, keys,
+    Coupler, Face, Key, LayerRole, Prepared, RunningCoupler, Setup, SetupError, Stepping, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -34,10 +34,7 @@ fn temperature() -> String {
 
 #[typetag::serialize(name = "insulated")]
 impl Coupler for Insulated {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         // the owner of the field gives it its unit
         let key = Key::<f64>::named(self.field.clone(), String::new());

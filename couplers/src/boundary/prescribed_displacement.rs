@@ -10,7 +10,7 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::in_space::{Placed, PlacedError};
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, GivenValue, InSpace, LayerRole, Programme, RunError, RunningCoupler, Setup,
+    Coupler, GivenValue, InSpace, LayerRole, Prepared, Programme, RunError, RunningCoupler, Setup,
     SetupError, Step, StepLimits, World, Write, flattened, keys,
 };
 
@@ -65,10 +65,7 @@ impl PrescribedDisplacement {
 
 #[typetag::serialize(name = "prescribed_displacement")]
 impl Coupler for PrescribedDisplacement {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.place.body.as_deref())?;
         let dimension = setup.body(body).dimension;
         let given = self.components().map(|c| c.is_some());
@@ -94,8 +91,8 @@ impl Coupler for PrescribedDisplacement {
             BoundaryLocation::Face(face) => {
                 let by_place = |c: &Option<&InSpace>| c.is_some_and(|c| c.uniform().is_none());
                 if let Some(axis) = self.components().iter().position(by_place) {
-                    let message = "the displacement of a face is the same everywhere";
-                    let expected = "a value that does not depend on the position, or `region` in place of `face`";
+                    let message = "the displacement of a face cannot depend on the position";
+                    let expected = "a uniform value, or `region` in place of `face`";
                     return Err(SetupError::value(["x", "y", "z"][axis], message, expected));
                 }
                 let layer = setup.layer(body, &keys::DISPLACEMENT, face, LayerRole::Prescribed)?;
@@ -251,7 +248,7 @@ mod tests {
         for (table, message) in [
             (
                 "face = 'x-'\ny = 'x'",
-                "the displacement of a face is the same everywhere",
+                "the displacement of a face cannot depend on the position",
             ),
             ("face = 'x-'", "no component is prescribed"),
             (

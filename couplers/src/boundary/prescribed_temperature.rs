@@ -10,8 +10,8 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Body, Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Programme, RunError,
-    RunningCoupler, Setup, SetupError, Step, StepLimits, World, Write, flattened, keys,
+    Body, Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Prepared, Programme, RunError,
+    RunningCoupler, Setup, Step, StepLimits, World, Write, flattened, keys,
 };
 
 use super::{BoundaryLocation, HeldPlace, LayerKind, with_programme};
@@ -85,10 +85,7 @@ fn in_front(body: &Body, face: Face) -> (Vec<Vector3<f64>>, Vec<u32>) {
 
 #[typetag::serialize(name = "prescribed_temperature")]
 impl Coupler for PrescribedTemperature {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.place.body.as_deref())?;
         let given = GivenValue {
             key: "value",

@@ -6,8 +6,8 @@
 use perimelt_core::world::LayerHandle;
 use perimelt_core::world::SymmetryPlane;
 use perimelt_core::{
-    Coupler, Face, LayerRole, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World,
-    keys,
+    Coupler, Face, LayerRole, Prepared, RunError, RunningCoupler, Setup, SetupError, Step,
+    Stepping, World, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -37,10 +37,7 @@ impl Coupler for Symmetry {
         setup.publish(body, SymmetryPlane(self.face))
     }
 
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         // a fresh layer is even
         setup.layer(body, &keys::TEMPERATURE, self.face, LayerRole::IfProvided)?;

@@ -16,7 +16,7 @@ use perimelt_core::in_space::PlacedError;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::world::{LayerHandle, LoadedFaces};
 use perimelt_core::{
-    Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Programme, Report, RunError,
+    Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Prepared, Programme, Report, RunError,
     RunningCoupler, Setup, SetupError, Step, StepLimits, World, Write, flattened, keys,
 };
 use schemars::JsonSchema;
@@ -176,10 +176,7 @@ impl Traction {
 
 #[typetag::serialize(name = "traction")]
 impl Coupler for Traction {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.place.body.as_deref())?;
         let cells = select(setup, body, &self.faces, self.place.region.as_deref())?;
         let load = match (self.traction, &self.pressure) {

@@ -7,8 +7,8 @@
 
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, LayerRole, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World,
-    keys,
+    Coupler, Face, LayerRole, Prepared, RunError, RunningCoupler, Setup, SetupError, Step,
+    Stepping, World, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -65,10 +65,7 @@ impl Wall {
 
 #[typetag::serialize(name = "wall")]
 impl Coupler for Wall {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         if self.kind == WallKind::Slip && self.layer != LayerKind::default() {
             let message = "`layer` applies to walls without slip only";

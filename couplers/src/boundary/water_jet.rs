@@ -21,10 +21,11 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 use perimelt_core::material::Property;
+use perimelt_core::numbers::{check_above, check_at_least, check_finite, check_positive};
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
-    Coupler, Face, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step, World,
-    flattened, keys,
+    Coupler, Face, Prepared, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step,
+    World, flattened, keys,
 };
 
 use crate::surface::{OnSurface, SurfaceHeat};
@@ -188,36 +189,23 @@ impl RunningWaterJet {
 
 impl WaterJet {
     fn check(&self) -> Result<(), SetupError> {
-        let wrong = |key: &str, value: f64, expected: &str| {
-            Err(SetupError::value(
-                key,
-                format!("`{key}` is {value}"),
-                expected,
-            ))
-        };
         let fluxes = self.flux.values();
         if self.flux.is_by_phase() || fluxes.iter().any(|q| !(*q >= 0.0 && q.is_finite())) {
             let message = "the flux is negative or given by phase";
             let expected = "a table in temperature, nowhere below 0";
             return Err(SetupError::value("flux", message, expected));
         }
-        if !(self.impingement > 0.0 && self.impingement.is_finite()) {
-            return wrong("impingement", self.impingement, "a length above zero, m");
-        }
-        if !(self.film_coefficient >= 0.0 && self.film_coefficient.is_finite()) {
-            return wrong("film_coefficient", self.film_coefficient, "zero or above");
-        }
-        if self.water.is_nan() || self.water <= 0.0 {
-            return wrong("water", self.water, "kelvins above zero");
-        }
-        if self.leidenfrost.is_nan() || self.leidenfrost <= self.water {
-            return wrong("leidenfrost", self.leidenfrost, "kelvins above `water`");
-        }
-        for (key, value) in [("start", self.start), ("speed", self.speed)] {
-            if !value.is_finite() {
-                return wrong(key, value, "a finite number");
-            }
-        }
+        check_positive("impingement", self.impingement, "m")?;
+        check_at_least("film_coefficient", self.film_coefficient, 0.0, "W/(m² K)")?;
+        check_positive("water", self.water, "K")?;
+        check_above(
+            "leidenfrost",
+            self.leidenfrost,
+            self.water,
+            "K, the temperature of the water",
+        )?;
+        check_finite("start", self.start)?;
+        check_finite("speed", self.speed)?;
         Ok(())
     }
 
@@ -239,10 +227,7 @@ impl WaterJet {
 
 #[typetag::serialize(name = "water_jet")]
 impl Coupler for WaterJet {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         self.check()?;
         let body = setup.find_body(self.place.body.as_deref())?;
         let region = self.place.region.as_deref();
@@ -261,7 +246,7 @@ impl Coupler for WaterJet {
             ));
         }
         let Some(lattice) = this.lattice() else {
-            let message = "the film runs along rows of cells";
+            let message = "the film needs the rows of cells of a lattice";
             return Err(SetupError::value(
                 "body",
                 message,

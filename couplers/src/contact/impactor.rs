@@ -4,14 +4,16 @@
 //! the body's own material lay at its surface: `f = k V depth n`, with k as for the contact of points.
 
 use nalgebra::Vector3;
+use perimelt_core::numbers::check_positive;
 use perimelt_core::{
-    Coupler, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
+    Coupler, LoadError, Prepared, Read, Report, RunError, RunningCoupler, SavedState, Setup,
+    SetupError, Step, World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{check_stiffness, default_stiffness, stiffness};
+use super::{default_stiffness, stiffness};
 
 /// A rigid ball (a disc in 2D) that moves on its way or, with a `mass`, as the body pushes back.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -74,17 +76,10 @@ struct Ball {
 
 #[typetag::serialize(name = "impactor")]
 impl Coupler for Impactor {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        check_stiffness(self.stiffness)?;
-        for (key, value) in [("radius", Some(self.radius)), ("mass", self.mass)] {
-            if value.is_some_and(|v| v.is_nan() || v <= 0.0) {
-                let message = format!("the ball has no {key}");
-                return Err(SetupError::value(key, message, "a number above 0"));
-            }
-        }
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
+        check_positive("stiffness", self.stiffness, "")?;
+        check_positive("radius", self.radius, "m")?;
+        check_positive("mass", self.mass, "kg")?;
         let body = setup.find_body(self.body.as_deref())?;
         let this = setup.body(body);
         let (dimension, position) = (this.dimension, this.points.position.clone());
@@ -95,7 +90,7 @@ impl Coupler for Impactor {
             return Err(SetupError::value(
                 "centre",
                 message,
-                "a place beside the body",
+                "a position outside the body",
             ));
         }
         Ok(Box::new(RunningImpactor {
@@ -143,11 +138,7 @@ impl RunningCoupler for RunningImpactor {
         Box::new(self.ball)
     }
 
-    fn load(
-        &mut self,
-        _world: &World,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
         self.ball = erased_serde::deserialize(state)?;
         Ok(())
     }
@@ -251,8 +242,8 @@ mod tests {
     fn a_ball_inside_the_body_or_without_size_is_refused() {
         for (keys, message) in [
             ("centre = [1, 1, 1]\nradius = 1", "starts inside"),
-            ("centre = [9, 1, 1]\nradius = 0", "no radius"),
-            ("centre = [9, 1, 1]\nradius = 1\nmass = -1", "no mass"),
+            ("centre = [9, 1, 1]\nradius = 0", "`radius` is 0"),
+            ("centre = [9, 1, 1]\nradius = 1\nmass = -1", "`mass` is -1"),
         ] {
             let mut world = World::new(vec![block([3, 3, 3], 3, ELASTIC)]);
             let impactor: Impactor = read(&format!("{keys}\nvelocity = [1, 0, 0]"));

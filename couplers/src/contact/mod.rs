@@ -38,10 +38,11 @@ pub use impactor::Impactor;
 use normals::Neighbourhoods;
 
 use nalgebra::Vector3;
+use perimelt_core::numbers::{check_at_least, check_positive};
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::{
-    Coupler, FamilySpec, PairList, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step,
-    World, Write, keys,
+    Coupler, FamilySpec, LoadError, PairList, Prepared, Read, Report, RunError, RunningCoupler,
+    SavedState, Setup, SetupError, Step, World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -173,15 +174,6 @@ fn stiffness(setup: &Setup<'_>, body: usize, factor: f64) -> Result<Vec<f64>, Se
     };
     let points = this.material_of_point.iter().zip(&this.points.spacing);
     Ok(points.map(point).collect())
-}
-
-fn check_stiffness(stiffness: f64) -> Result<(), SetupError> {
-    if stiffness > 0.0 && stiffness.is_finite() {
-        return Ok(());
-    }
-    let message = format!("the stiffness of a contact is {stiffness}");
-    let expected = "a number above 0, such as 15";
-    Err(SetupError::value("stiffness", message, expected))
 }
 
 /// Two points in contact, seen from the first one.
@@ -350,8 +342,8 @@ impl Contact {
             ..e
         })?;
         if other == body {
-            let message = "a body meets itself when `other` is left out";
-            let expected = "the name of another body";
+            let message = "`body` and `other` are the same body";
+            let expected = "another body, or no `other` for contact of the body with itself";
             return Err(SetupError::value("other", message, expected));
         }
         Ok(vec![body, other])
@@ -360,15 +352,9 @@ impl Contact {
 
 #[typetag::serialize(name = "contact")]
 impl Coupler for Contact {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        check_stiffness(self.stiffness)?;
-        if !(self.friction >= 0.0 && self.friction.is_finite()) {
-            let message = format!("the coefficient of friction is {}", self.friction);
-            return Err(SetupError::value("friction", message, "zero or above"));
-        }
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
+        check_positive("stiffness", self.stiffness, "")?;
+        check_at_least("friction", self.friction, 0.0, "")?;
         let bodies = self.bodies(setup)?;
         let (mut sides, mut points, mut reach) = (Vec::new(), Vec::new(), Vec::new());
         let mut surfaces = Surfaces::default();
@@ -448,11 +434,7 @@ impl RunningCoupler for RunningContact {
         Box::new(touching.then_some(&self.springs))
     }
 
-    fn load(
-        &mut self,
-        _world: &World,
-        saved: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, _world: &World, saved: SavedState<'_, '_>) -> Result<(), LoadError> {
         let springs: Option<Vec<Springs>> = erased_serde::deserialize(saved)?;
         let points = self.points.len();
         let springs = springs.unwrap_or_else(|| vec![Springs::new(); points]);

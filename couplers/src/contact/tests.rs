@@ -156,13 +156,10 @@ fn the_stable_step_is_that_of_the_stiffest_contact() {
 #[test]
 fn a_contact_with_itself_or_without_stiffness_is_refused() {
     for (keys, message) in [
-        ("body = 'block'\nother = 'block'", "meets itself"),
-        (
-            "body = 'block'\nstiffness = 0",
-            "stiffness of a contact is 0",
-        ),
-        ("body = 'block'\nfriction = -1", "friction is -1"),
-        ("body = 'block'\nfriction = inf", "friction is inf"),
+        ("body = 'block'\nother = 'block'", "are the same body"),
+        ("body = 'block'\nstiffness = 0", "`stiffness` is 0"),
+        ("body = 'block'\nfriction = -1", "`friction` is -1"),
+        ("body = 'block'\nfriction = inf", "`friction` is inf"),
     ] {
         assert!(refusal(&mut two([9.0; 3]), read::<Contact>(keys)).contains(message));
     }

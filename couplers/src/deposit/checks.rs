@@ -1,5 +1,6 @@
 //! Checks of the keys of a deposit.
 
+use perimelt_core::numbers::{check_at_least, check_positive};
 use perimelt_core::{Face, SetupError};
 
 use super::births::{Bead, Layers};
@@ -9,17 +10,7 @@ use crate::toolpath::TimedPath;
 impl Deposit {
     /// Refuses heat that comes from no source, or from one without an end.
     pub(super) fn check_heat(&self, path: Option<&TimedPath>) -> Result<(), SetupError> {
-        if let Some(feed) = self
-            .feed_temperature
-            .filter(|t| !(*t > 0.0 && t.is_finite()))
-        {
-            let message = format!("`feed_temperature` is {feed} K");
-            return Err(SetupError::value(
-                "feed_temperature",
-                message,
-                "a temperature above 0 K",
-            ));
-        }
+        check_positive("feed_temperature", self.feed_temperature, "K")?;
         if self.heat == DepositHeat::Added {
             return Ok(());
         }
@@ -31,7 +22,7 @@ impl Deposit {
                 "the source that heats the material has a toolpath without an end"
             }
             Some(_) => return Ok(()),
-            None => "the heat of layers comes from no source",
+            None => "no source heats the layers",
         };
         let expected = "`source`, a heat source with a toolpath that ends, or `heat = \"added\"`";
         Err(SetupError::value("heat", message, expected))
@@ -39,16 +30,8 @@ impl Deposit {
 }
 
 pub(super) fn check_bead(bead: &Bead) -> Result<(), SetupError> {
-    for (key, value) in [("width", bead.width), ("height", bead.height)] {
-        if !(value > 0.0 && value.is_finite()) {
-            let message = format!("the bead has a {key} of {value} m");
-            return Err(SetupError::value(
-                format!("bead.{key}"),
-                message,
-                "a length above 0 m",
-            ));
-        }
-    }
+    check_positive("bead.width", bead.width, "m")?;
+    check_positive("bead.height", bead.height, "m")?;
     Ok(())
 }
 
@@ -56,23 +39,14 @@ pub(super) fn check_layers(layers: &Layers, spacing: f64) -> Result<(), SetupErr
     let thickness = layers.height * f64::from(layers.at_once);
     if !(thickness >= spacing * (1.0 - 1e-6) && thickness.is_finite()) {
         let message = format!(
-            "{} layers of {} m at once are thinner than the spacing {spacing} m",
+            "{} layers of {} m, which are added at once, are thinner than the spacing {spacing} m",
             layers.at_once, layers.height
         );
-        let expected = "layers of one spacing or more, or more of them `at_once`";
+        let expected = "layers of one spacing or more, or a larger `at_once`";
         return Err(SetupError::value("layers.height", message, expected));
     }
-    for (key, value) in [("interval", layers.interval), ("first", layers.first)] {
-        if !(value >= 0.0 && value.is_finite()) {
-            let message = format!("`{key}` is {value} s");
-            let expected = "a time of 0 s or more";
-            return Err(SetupError::value(
-                format!("layers.{key}"),
-                message,
-                expected,
-            ));
-        }
-    }
+    check_at_least("layers.interval", layers.interval, 0.0, "s")?;
+    check_at_least("layers.first", layers.first, 0.0, "s")?;
     Ok(())
 }
 

@@ -27,11 +27,12 @@ mod tests;
 
 use std::rc::Rc;
 
+use perimelt_core::numbers::check_positive;
 use perimelt_core::programme::DoneFraction;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Change, Coupler, Face, Programme, Report, RunError, RunningCoupler, Setup, SetupError, Step,
-    StepLimits, Stepping, World, Write, keys,
+    Change, Coupler, Face, LoadError, Prepared, Programme, Report, RunError, RunningCoupler,
+    SavedState, Setup, SetupError, Step, StepLimits, Stepping, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -43,7 +44,7 @@ use checks::{check_bead, check_layers, direction};
 
 use crate::InTime;
 use crate::heat_source::{grid, mirror_copies};
-use crate::toolpath::{TimedPath, Toolpath, Track, TrackTime};
+use crate::toolpath::{TimedPath, Toolpath, Track, TrackTime, in_table};
 
 /// Fraction of a spacing that a toolpath may move in a step.
 const STEP_FRACTION: f64 = 0.5;
@@ -166,7 +167,7 @@ impl Deposit {
             )),
             (None, _, None) => Err(SetupError::value(
                 "",
-                "it is not given when material is deposited",
+                "nothing says when material is deposited",
                 "`source` or `toolpath`, with `bead`; or `layers`",
             )),
         }
@@ -189,8 +190,7 @@ impl Deposit {
         // a toolpath without a power deposits throughout
         let track = toolpath.track(Some(1.0), &setup.path(""));
         let kind = toolpath.kind();
-        let track =
-            track.map_err(|e| SetupError::other(format!("toolpath.{kind}.{}", e.key()), e))?;
+        let track = track.map_err(|e| in_table(format!("toolpath.{kind}"), e))?;
         let path = TimedPath::new(track);
         if path.waits() {
             let message = "a toolpath that waits belongs to a heat source";
@@ -216,13 +216,12 @@ impl Deposit {
                 "the bead along the toolpath, which starts at ({x}, {y}, {z}) m, covers no point of region `{}`",
                 self.region
             );
-            let expected =
-                "a toolpath at the level of the top of the bead, within half a width of the region";
+            let expected = "a toolpath at the height of the top of the bead, within half a bead width of the region";
             return Err(SetupError::value("toolpath", message, expected));
         }
         if left > 0 {
             setup.warn(format!(
-                "{left} of {} points of region `{}` are never deposited: the bead does not reach them",
+                "the bead does not cover {left} of {} points of region `{}`, which are never deposited",
                 part.points.len(),
                 self.region
             ));
@@ -359,16 +358,10 @@ impl RunningDeposit {
 
 #[typetag::serialize(name = "deposit")]
 impl Coupler for Deposit {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
-        let temperatures = self.temperature.values();
-        if let Some(value) = temperatures.iter().find(|t| !(**t > 0.0)) {
-            let message = format!("material is deposited at {value} K");
-            let expected = "a temperature above 0 K";
-            return Err(SetupError::value("temperature", message, expected));
+        for value in self.temperature.values() {
+            check_positive("temperature", *value, "K")?;
         }
         let part = DepositRegion {
             body,
@@ -456,11 +449,7 @@ impl RunningCoupler for RunningDeposit {
     }
 
     /// Births are counted again in the next step, from the restored temperatures.
-    fn load(
-        &mut self,
-        _world: &World,
-        _state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, _world: &World, _state: SavedState<'_, '_>) -> Result<(), LoadError> {
         (self.born, self.deposited) = (0, [0.0; 2]);
         Ok(())
     }

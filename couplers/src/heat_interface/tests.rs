@@ -70,12 +70,9 @@ fn mistakes_are_refused() {
         ("body = 'block'\nother = 'uper'", "did you mean `upper`?"),
         (
             "body = 'block'\nother = 'upper'\nconductance = 0",
-            "the conductance is 0",
+            "`conductance` is 0",
         ),
-        (
-            "body = 'block'\nother = 'upper'\ngap = inf",
-            "the gap is inf",
-        ),
+        ("body = 'block'\nother = 'upper'\ngap = inf", "`gap` is inf"),
     ] {
         let interface: HeatInterface = read(keys);
         let found = refusal(&mut two(0.0), interface);

@@ -20,10 +20,7 @@ macro_rules! couple_source {
             fn prepare(
                 self: ::std::boxed::Box<Self>,
                 setup: &mut $crate::perimelt_core::Setup<'_>,
-            ) -> ::std::result::Result<
-                ::std::boxed::Box<dyn $crate::perimelt_core::RunningCoupler>,
-                $crate::perimelt_core::SetupError,
-            > {
+            ) -> $crate::perimelt_core::Prepared<dyn $crate::perimelt_core::RunningCoupler> {
                 (*self)$(.$field)?.prepare_source(setup)
             }
         }

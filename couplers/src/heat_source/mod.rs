@@ -42,10 +42,8 @@ mod moving;
 #[cfg(test)]
 mod profile_tests;
 mod pulsed;
-mod running;
 pub mod shape;
 mod step_positions;
-mod supply;
 
 pub(crate) use account::mirror_copies;
 pub(crate) use lattice::grid;

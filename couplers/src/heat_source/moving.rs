@@ -1,36 +1,93 @@
 //! A heat source that moves along a toolpath, generic over its shape.
 
+mod checks;
+
 use std::borrow::Cow;
 use std::path::Path;
 use std::rc::Rc;
 
 use nalgebra::Vector3;
-use perimelt_core::text::{number, position};
-use perimelt_core::{Body, Change, RunningCoupler, Setup, SetupError, Stepping, flattened, keys};
+use perimelt_core::numbers::check_at_least;
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{
+    Change, LoadError, Prepared, Report, RunError, RunningCoupler, SavedState, Setup, SetupError,
+    Step, StepLimits, Stepping, World, Write, flattened, keys, shared_keys,
+};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::account::Account;
+use super::account::{Account, mirror_copies};
 use super::heading::Heading;
 use super::lattice::{LatticeBody, grid};
-use super::running::RunningSource;
-use super::shape::{Depositor, SourceError, SourceShape};
+use super::shape::{CellGrid, Cells, Depositor, HeatedSurface, SourceShape};
 use super::step_positions::StepPositions;
-use super::supply::Supply;
 use crate::surface::OnBody;
-use crate::toolpath::{TimedPath, Track};
+use crate::toolpath::{ClockState, Pulse, TimedPath, Toolpath, Track, in_table};
 
 /// Fraction of the shortest length that the source may move in a step.
 const STEP_FRACTION: f64 = 0.25;
 
-/// Least fraction of its power with which a source outside the box of the body heats it.
-const LEAST_FRACTION: f64 = 0.01;
+shared_keys! {
+    /// Keys that every moving source has besides those of its shape.
+    #[derive(Clone, Debug, PartialEq)]
+    struct Supply {
+        /// Where the source is, which way it travels and how strong it is.
+        pub toolpath: Toolpath,
+        /// Voltage (V) of an arc or a beam; times `current` it is the power, instead of `power`.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub voltage: Option<f64>,
+        /// Current (A) of an arc or a beam; times `voltage` it is the power, instead of `power`.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub current: Option<f64>,
+        /// Pulses of the power; default none.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub pulse: Option<Pulse>,
+    }
+}
 
-/// Most moves whose heat is tried where the path lies outside the box of the body.
-const MOST_TRIED: usize = 100;
+impl Supply {
+    /// The power where the toolpath gives none (W), before efficiency: that of the shape, or voltage times current.
+    ///
+    /// # Errors
+    /// A number out of its range, one of both alone, or two powers.
+    fn power(&self, of_shape: Option<f64>) -> Result<Option<f64>, SetupError> {
+        for (key, value, unit) in [
+            ("power", of_shape, "W"),
+            ("voltage", self.voltage, "V"),
+            ("current", self.current, "A"),
+        ] {
+            check_at_least(key, value, 0.0, unit)?;
+        }
+        match (of_shape, self.voltage, self.current) {
+            (power, None, None) => Ok(power),
+            (None, Some(voltage), Some(current)) => Ok(Some(voltage * current)),
+            (None, Some(_), None) => Err(SetupError::value(
+                "voltage",
+                "`voltage` of the heat source is given without `current`",
+                "both `voltage` and `current`, or `power`",
+            )),
+            (None, None, Some(_)) => Err(SetupError::value(
+                "current",
+                "`current` of the heat source is given without `voltage`",
+                "both `voltage` and `current`, or `power`",
+            )),
+            (Some(_), ..) => Err(SetupError::value(
+                "power",
+                "`power` of the heat source is given besides its voltage or current",
+                "`power` alone, or `voltage` and `current`",
+            )),
+        }
+    }
 
-/// Powers of welding sources are below this, W.
-const STRONGEST: f64 = 2e5;
+    /// The pulses, if they are given.
+    ///
+    /// # Errors
+    /// A number out of its range.
+    fn pulse(&self) -> Result<Option<Pulse>, SetupError> {
+        self.pulse.map_or(Ok(()), |pulse| pulse.check())?;
+        Ok(self.pulse)
+    }
+}
 
 /// A heat source of shape `S` on a toolpath.
 #[derive(Serialize)]
@@ -72,7 +129,7 @@ impl<S: SourceShape> MovingSource<S> {
         self.supply
             .toolpath
             .track(power, folder)
-            .map_err(|e| SetupError::other(format!("toolpath.{kind}.{}", e.key()), e))
+            .map_err(|e| in_table(format!("toolpath.{kind}"), e))
     }
 
     /// [`Coupler::publish`](perimelt_core::Coupler::publish).
@@ -85,10 +142,7 @@ impl<S: SourceShape> MovingSource<S> {
 
     /// [`Coupler::prepare`](perimelt_core::Coupler::prepare).
     #[doc(hidden)]
-    pub fn prepare_source(
-        mut self,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    pub fn prepare_source(mut self, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let index = setup.find_body(self.target.body.as_deref())?;
         let path = self.timed_path(&setup.path(""))?;
         self.shape.complete(setup, index)?;
@@ -98,11 +152,10 @@ impl<S: SourceShape> MovingSource<S> {
             return Err(SetupError::value("body", message, "a 2D or 3D body"));
         }
         let grid = grid(body);
-        let fault = |e: SourceError| SetupError::other(e.key(), e);
-        let mut depositor = Depositor::new(&self.shape, &grid).map_err(fault)?;
+        let mut depositor = Depositor::new(&self.shape, &grid)?;
         match depositor.check_cells() {
-            Err(e) if body.lattice().is_none() => return Err(fault(e)),
-            Err(e) => setup.refuse(index, Change::Motion, fault(e)),
+            Err(e) if body.lattice().is_none() => return Err(e),
+            Err(e) => setup.refuse(index, Change::Motion, e),
             Ok(()) => {}
         }
         let body = setup.body(index);
@@ -134,101 +187,6 @@ impl<S: SourceShape> MovingSource<S> {
             positions: StepPositions::default(),
         }))
     }
-
-    /// Warns of a source finer than the spacing, and of a power that is probably in other units.
-    fn warn_of_size(&self, setup: &mut Setup<'_>, body: usize) {
-        let (length, spacing) = (self.shape.length(), setup.body(body).finest_spacing());
-        if length > 0.0 && length < spacing {
-            let [length, spacing] = [length, spacing].map(|x| number(x, 4));
-            setup.warn(format!(
-                "the shortest length of the source is {length} m, finer than the spacing {spacing} m: it heats \
-                 single cells"
-            ));
-        }
-        let power = self.power().ok().flatten();
-        if let Some(power) = power.filter(|power| *power > STRONGEST) {
-            setup.warn(format!(
-                "a power of {} W is unusual; powers are in watts",
-                number(power, 5)
-            ));
-        }
-    }
-
-    /// Refuses a toolpath on which the source is never on within `margin` (m) of the box of the body and heats no cell of its
-    /// lattice. A beam from outside the box may heat cells.
-    fn check_path(
-        &self,
-        body: &Body,
-        track: &Track,
-        margin: f64,
-        depositor: &mut Depositor,
-    ) -> Result<(), SetupError> {
-        let (min, max) = body.bounds();
-        let surface = self.shape.surface();
-        let touches = |position: &Vector3<f64>| {
-            (0..body.dimension).all(|axis| {
-                let at = match surface.level {
-                    Some(level) if axis == surface.face.axis() => level,
-                    _ => position[axis],
-                };
-                at >= min[axis] - margin && at <= max[axis] + margin
-            })
-        };
-        let mut first = None;
-        for (start, end) in track.powered_moves() {
-            let pose = track.pose(start);
-            // beyond this distance a move without an end does not return to the body
-            let reach = (pose.position - 0.5 * (min + max)).norm() + (max - min).norm();
-            let end = if end.is_finite() {
-                end
-            } else {
-                start + 2.0 * reach / pose.speed
-            };
-            let samples = (pose.speed * (end - start) / margin).ceil().clamp(1.0, 1e4);
-            for sample in 0..=samples as usize {
-                let time = start + (end - start) * sample as f64 / samples;
-                let position = track.pose(time).position;
-                first.get_or_insert(position);
-                if touches(&position) {
-                    return Ok(());
-                }
-            }
-        }
-        let lattice = body.lattice().map(|_| LatticeBody {
-            body,
-            grid: grid(body),
-            activity: None,
-        });
-        let mut heat = vec![0.0; body.points.len()];
-        let heats = |(start, end): (f64, f64)| {
-            let end = if end.is_finite() { end } else { start };
-            let pose = track.pose(0.5 * (start + end));
-            let deposit = lattice
-                .as_ref()
-                .map(|body| depositor.add(body, &pose, &mut heat));
-            deposit.is_some_and(|d| d.deposited > LEAST_FRACTION * d.asked)
-        };
-        if track.powered_moves().take(MOST_TRIED).any(heats) {
-            return Ok(());
-        }
-        let Some(first) = first else {
-            let message = "the power of the source is zero at all times";
-            return Err(SetupError::value("toolpath", message, "a power above 0"));
-        };
-        let message = format!(
-            "the source never heats the body: it is switched on at {} m, \
-             but body `{}` spans {} to {} m",
-            position(first),
-            body.name,
-            position(min),
-            position(max),
-        );
-        Err(SetupError::value(
-            "toolpath",
-            message,
-            "a path over the body",
-        ))
-    }
 }
 
 impl<'de, S: Deserialize<'de>> Deserialize<'de> for MovingSource<S> {
@@ -253,6 +211,129 @@ impl<S: JsonSchema> JsonSchema for MovingSource<S> {
         flattened::add_schema::<OnBody>(&mut schema, generator);
         flattened::add_schema::<Supply>(&mut schema, generator);
         schema
+    }
+}
+
+/// A heat source on a toolpath that is ready to heat.
+struct RunningSource {
+    body: BodyIndex,
+    grid: CellGrid,
+    path: Rc<TimedPath>,
+    depositor: Depositor,
+    surface: HeatedSurface,
+    heat_source: Write<f64>,
+    /// Longest distance that the source may move over the points in a step while it is on, m.
+    longest_way: f64,
+    /// Largest speed on the path, m/s.
+    speed: f64,
+    /// Position at the end of the last step, m.
+    position: Vector3<f64>,
+    /// Directions in the middle of the last step.
+    heading: Heading,
+    account: Account,
+    positions: StepPositions,
+}
+
+/// State for a checkpoint.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    account: Account,
+    clock: Option<ClockState>,
+    /// Speed of the fastest point of a fluid, m/s.
+    point_speed: f64,
+}
+
+impl RunningCoupler for RunningSource {
+    /// Stores the positions, and begins the passes whose wait has ended.
+    fn begin_step(&mut self, world: &World, time: f64) {
+        self.positions.begin_step(world, self.body, time);
+        if !self.path.track().passes().is_empty() {
+            self.path.begin_step(world, time);
+        }
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let body = world.body(self.body);
+        let mut pose = self.path.pose(step.middle());
+        let left = self.path.left(step.middle(), self.depositor.efficiency());
+        if left < 0.0 {
+            return Err(RunError::Plugin {
+                plugin: "deposit".into(),
+                time: step.start,
+                cause: format!(
+                    "the droplets take {:.3} times the heat of the source in this pass; expected less than 1",
+                    1.0 - left
+                )
+                .into(),
+            });
+        }
+        pose.power *= left;
+        // points of a window are stored at their positions at set-up
+        pose.position -= world.window_shift(self.body);
+        let mut heat_source = world.write(self.heat_source);
+        let now = self.positions.at(world, self.body, step.middle());
+        let deposit = match Cells::of(world, self.body, now, self.grid) {
+            Some(cells) => (self.depositor).add_to_cells(&cells, &pose, &mut heat_source),
+            None => {
+                let body = LatticeBody {
+                    body,
+                    grid: self.grid,
+                    activity: world.activity(self.body),
+                };
+                self.depositor.add(&body, &pose, &mut heat_source)
+            }
+        };
+        let copies = mirror_copies(&self.grid, &world.symmetry(self.body), &pose);
+        // between two pulses the source counts as on
+        let is_on = self.path.is_on_after(step.middle());
+        let speed = is_on.then_some(pose.speed);
+        self.account.book(&deposit, copies, step.size, speed);
+        self.position = self.path.pose(step.end()).position;
+        let moves = self.speed > 0.0;
+        // a jump without power does not turn the melt pool
+        let pose = self.path.last_pose_with_power(step.middle());
+        self.heading = Heading::new(&self.depositor, self.surface, &pose, moves);
+        Ok(())
+    }
+
+    fn step_limits(&self, time: f64) -> StepLimits {
+        let speed = self.speed + self.positions.speed;
+        let is_limited = speed > 0.0 && self.path.will_be_on(time);
+        StepLimits {
+            next_event: self.path.next_event(time),
+            longest: is_limited.then(|| self.longest_way / speed),
+        }
+    }
+
+    fn report(&self) -> Vec<Report> {
+        let mut reports = self.account.report();
+        let axes = ["x", "y", "z"].into_iter().enumerate();
+        reports.extend(
+            axes.map(|(axis, name)| {
+                Report::new(format!("position.{name}"), "m", self.position[axis])
+            }),
+        );
+        reports.extend(self.heading.report());
+        reports.extend(self.path.report());
+        reports
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(Saved {
+            account: self.account,
+            clock: Some(self.path.save()),
+            point_speed: self.positions.speed,
+        })
+    }
+
+    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
+        let saved = Saved::deserialize(state)?;
+        self.account = saved.account;
+        self.positions.speed = saved.point_speed;
+        if let Some(clock) = saved.clock {
+            self.path.load(clock);
+        }
+        Ok(())
     }
 }
 

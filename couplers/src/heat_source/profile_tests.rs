@@ -175,11 +175,7 @@ fn formulas_that_are_no_density_are_refused() {
             "",
             "is zero everywhere within its reach",
         ),
-        (
-            "1",
-            "finest = 0",
-            "finest: `finest` of the heat source must be",
-        ),
+        ("1", "finest = 0", "finest: `finest` is 0"),
         ("1", "finest = 1e-9", "the heat source spans"),
         ("1", "efficiency = 2", "efficiency: "),
     ] {
@@ -233,17 +229,11 @@ fn the_power_is_voltage_times_current() {
             "power = 9\ncurrent = 25",
             "power: `power` of the heat source is given besides",
         ),
-        (
-            "voltage = -25\ncurrent = 1",
-            "voltage: `voltage` of the heat source is -25",
-        ),
-        (
-            "voltage = 25\ncurrent = inf",
-            "current: `current` of the heat source is inf",
-        ),
+        ("voltage = -25\ncurrent = 1", "voltage: `voltage` is -25"),
+        ("voltage = 25\ncurrent = inf", "current: `current` is inf"),
         (
             "power = 1\npulse = { frequency = 0, duty = 0.5 }",
-            "pulse.frequency: `pulse.frequency` of the heat source is 0",
+            "pulse.frequency: `pulse.frequency` is 0",
         ),
     ] {
         let refused = refusal(&mut world, ellipsoid(&format!("{keys}\n{LINE}")));

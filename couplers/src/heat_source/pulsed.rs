@@ -7,8 +7,8 @@ use std::borrow::Cow;
 
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Coupler, Report, RunError, RunningCoupler, Setup, SetupError, Step, StepLimits, World, Write,
-    flattened, keys,
+    Coupler, LoadError, Prepared, Report, RunError, RunningCoupler, SavedState, Setup, Step,
+    StepLimits, World, Write, flattened, keys,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -49,13 +49,9 @@ struct RunningPulsedLaserSource {
 
 #[typetag::serialize(name = "pulsed_laser")]
 impl Coupler for PulsedLaserSource {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.target.body.as_deref())?;
-        let fault = |e: shape::SourceError| SetupError::other(e.key(), e);
-        self.shape.validate().map_err(fault)?;
+        self.shape.validate()?;
         let this = setup.body(body);
         let (grid, face) = (grid(this), self.shape.heated_surface.face);
         let area = match face.axis() < this.dimension {
@@ -120,11 +116,7 @@ impl RunningCoupler for RunningPulsedLaserSource {
         Box::new(self.account)
     }
 
-    fn load(
-        &mut self,
-        _world: &World,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
         self.account = Account::deserialize(state)?;
         Ok(())
     }

@@ -8,7 +8,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::track::{Facing, TrackBuilder, Turn};
-use super::{ToolpathError, Track, finite, place, positive, power_of};
+use super::{Track, no_length, place, power_of};
+use perimelt_core::SetupError;
+use perimelt_core::numbers::{check_finite, check_positive};
 
 /// Part of a circle about an axis, one circle or several turns.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -67,22 +69,21 @@ fn one_turn() -> f64 {
 }
 
 impl Circle {
-    pub(super) fn track(&self, default_power: Option<f64>) -> Result<Track, ToolpathError> {
+    pub(super) fn track(&self, default_power: Option<f64>) -> Result<Track, SetupError> {
         let centre = place("centre", self.centre)?;
-        let radius = positive("radius", self.radius)?;
-        let rate = positive("speed", self.speed)? / radius;
-        let duration = positive("turns", self.turns)? * TAU / rate;
-        let (sin, cos) = finite("start_angle", self.start_angle)?.sin_cos();
-        let no_axis = ToolpathError::NoLength { key: "axis".into() };
+        let radius = check_positive("radius", self.radius, "m")?;
+        let rate = check_positive("speed", self.speed, "m/s")? / radius;
+        let duration = check_positive("turns", self.turns, "")? * TAU / rate;
+        let (sin, cos) = check_finite("start_angle", self.start_angle)?.sin_cos();
         let axis = place("axis", self.axis)?
             .try_normalize(0.0)
-            .ok_or(no_axis)?;
+            .ok_or_else(|| no_length("axis"))?;
         let across = |v: Vector3<f64>| (v - axis * v.dot(&axis)).try_normalize(1e-9);
         let u = across(Vector3::x()).unwrap_or_else(Vector3::y);
         let v = axis.cross(&u);
         let start = centre + u * (cos * radius) + v * (sin * radius);
         let power = power_of("power", self.power, default_power)?;
-        let mut track = TrackBuilder::new(finite("start_time", self.start_time)?, start);
+        let mut track = TrackBuilder::new(check_finite("start_time", self.start_time)?, start);
         let rate = if self.clockwise { -rate } else { rate };
         let facing = match self.torch {
             None => Facing::Fixed,
@@ -96,8 +97,6 @@ impl Circle {
             facing,
         };
         track.turn_in(turn, duration, power);
-        track.finish().ok_or(ToolpathError::NoLength {
-            key: "turns".into(),
-        })
+        track.finish().ok_or_else(|| no_length("turns"))
     }
 }

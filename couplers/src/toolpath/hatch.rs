@@ -5,10 +5,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::track::TrackBuilder;
-use super::{ToolpathError, Track, WaitUntil, finite, not_negative, place, positive, power_of};
-
-/// Most scan lines, to refuse a spacing in the wrong unit instead of filling the memory.
-const MOST_LINES: f64 = 1e7;
+use super::{Track, WaitUntil, check_moves, no_length, place, power_of};
+use perimelt_core::SetupError;
+use perimelt_core::numbers::{check_at_least, check_finite, check_positive};
 
 /// Parallel scan lines inside a rectangle `length` × `width`; the source is off between them.
 ///
@@ -78,32 +77,25 @@ fn one() -> u32 {
 }
 
 impl Hatch {
-    pub(super) fn track(&self, default_power: Option<f64>) -> Result<Track, ToolpathError> {
+    pub(super) fn track(&self, default_power: Option<f64>) -> Result<Track, SetupError> {
         let corner = place("corner", self.corner)?;
-        let length = positive("length", self.length)?;
-        let width = not_negative("width", self.width)?;
-        let spacing = positive("spacing", self.spacing)?;
-        let speed = positive("speed", self.speed)?;
-        let turn_time = not_negative("turn_time", self.turn_time)?;
-        let layer_time = not_negative("layer_time", self.layer_time)?;
-        let rise = finite("layer_height", self.layer_height)?;
-        let angle = finite("angle", self.angle)?;
-        let layer_angle = finite("layer_angle", self.layer_angle)?;
-        let start_time = finite("start_time", self.start_time)?;
+        let length = check_positive("length", self.length, "m")?;
+        let width = check_at_least("width", self.width, 0.0, "m")?;
+        let spacing = check_positive("spacing", self.spacing, "m")?;
+        let speed = check_positive("speed", self.speed, "m/s")?;
+        let turn_time = check_at_least("turn_time", self.turn_time, 0.0, "s")?;
+        let layer_time = check_at_least("layer_time", self.layer_time, 0.0, "s")?;
+        let rise = check_finite("layer_height", self.layer_height)?;
+        let angle = check_finite("angle", self.angle)?;
+        let layer_angle = check_finite("layer_angle", self.layer_angle)?;
+        let start_time = check_finite("start_time", self.start_time)?;
         let power = power_of("power", self.power, default_power)?;
-        positive("layers", f64::from(self.layers))?;
+        check_positive("layers", f64::from(self.layers), "")?;
 
         // a width of 3 spacings holds 4 lines even when 0.3 / 0.1 is a little less than 3
         let gaps = (width / spacing + 1e-9).floor();
         let lines = (gaps + 1.0) * f64::from(self.layers);
-        if lines > MOST_LINES {
-            let key = "spacing".into();
-            return Err(ToolpathError::TooManyMoves {
-                key,
-                moves: lines,
-                limit: MOST_LINES,
-            });
-        }
+        check_moves("spacing", lines)?;
         let margin = 0.5 * (width - gaps * spacing);
         let middle = Vector3::new(0.5 * length, 0.5 * width, 0.0);
         let centre = corner + Rotation3::from_axis_angle(&Vector3::z_axis(), angle) * middle;
@@ -135,8 +127,6 @@ impl Hatch {
         }
         track
             .and_then(TrackBuilder::finish)
-            .ok_or(ToolpathError::NoLength {
-                key: "length".into(),
-            })
+            .ok_or_else(|| no_length("length"))
     }
 }

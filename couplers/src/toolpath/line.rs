@@ -4,7 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::track::TrackBuilder;
-use super::{ToolpathError, Track, finite, place, positive, power_of};
+use super::{Track, no_length, place, power_of};
+use perimelt_core::SetupError;
+use perimelt_core::numbers::{check_finite, check_positive};
 
 /// A straight pass at constant speed, to an end point or in a direction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -34,10 +36,10 @@ pub struct Line {
 }
 
 impl Line {
-    pub(super) fn track(&self, default_power: Option<f64>) -> Result<Track, ToolpathError> {
+    pub(super) fn track(&self, default_power: Option<f64>) -> Result<Track, SetupError> {
         let start = place("start", self.start)?;
-        let speed = positive("speed", self.speed)?;
-        let start_time = finite("start_time", self.start_time)?;
+        let speed = check_positive("speed", self.speed, "m/s")?;
+        let start_time = check_finite("start_time", self.start_time)?;
         let power = power_of("power", self.power, default_power)?;
         let mut track = TrackBuilder::new(start_time, start);
         let key = match (self.end, self.direction, self.end_time) {
@@ -46,36 +48,27 @@ impl Line {
                 "end"
             }
             (None, Some(direction), end_time) => {
-                let direction = place("direction", direction)?.try_normalize(0.0).ok_or(
-                    ToolpathError::NoLength {
-                        key: "direction".into(),
-                    },
-                )?;
+                let direction = place("direction", direction)?
+                    .try_normalize(0.0)
+                    .ok_or_else(|| no_length("direction"))?;
                 let end = match end_time {
-                    Some(end) => start_time + positive("end_time", end - start_time)?,
+                    Some(end) => start_time + check_positive("end_time", end - start_time, "s")?,
                     None => f64::INFINITY,
                 };
                 track.go_on(direction, speed, end, power);
                 "direction"
             }
-            (None, None, _) => {
-                return Err(ToolpathError::LineGoal {
-                    key: "start".into(),
-                });
-            }
-            (Some(_), Some(_), _) => {
-                return Err(ToolpathError::LineGoal {
-                    key: "direction".into(),
-                });
-            }
-            (Some(_), None, Some(_)) => {
-                return Err(ToolpathError::LineGoal {
-                    key: "end_time".into(),
-                });
-            }
+            (None, None, _) => return Err(no_goal("start")),
+            (Some(_), Some(_), _) => return Err(no_goal("direction")),
+            (Some(_), None, Some(_)) => return Err(no_goal("end_time")),
         };
-        track
-            .finish()
-            .ok_or(ToolpathError::NoLength { key: key.into() })
+        track.finish().ok_or_else(|| no_length(key))
     }
+}
+
+/// `end` and `direction` are both given or both missing.
+fn no_goal(key: &str) -> SetupError {
+    let message = "a line needs one of `end` and `direction`, and `end_time` only with `direction`";
+    let expected = "either `end`, or `direction` with an optional `end_time`";
+    SetupError::value(key, message, expected)
 }

@@ -47,13 +47,12 @@ mod track;
 mod wait;
 mod weave;
 
-use std::borrow::Cow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 pub use circle::{Circle, CircleTorch};
 pub use clock::TimedPath;
 pub(crate) use clock::{ClockState, TrackTime};
-pub use gcode::{DwellUnit, Gcode, GcodeError};
+pub use gcode::{DwellUnit, Gcode};
 pub use hatch::Hatch;
 pub use line::Line;
 pub use polyline::{Polyline, Segment};
@@ -65,9 +64,11 @@ pub use wait::{Side, WaitUntil};
 pub use weave::{Weave, WeaveShape};
 
 use nalgebra::Vector3;
-use perimelt_core::input::InputError;
+use perimelt_core::SetupError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use perimelt_core::numbers::{check_at_least, check_finite};
 
 /// The path of a moving heat source, as written in a case file: `toolpath.line = { ... }`.
 ///
@@ -115,14 +116,10 @@ impl Toolpath {
     /// are taken relative to `base_dir`.
     ///
     /// # Errors
-    /// [`ToolpathError`], naming the key or the row at fault.
-    pub fn track(
-        &self,
-        default_power: Option<f64>,
-        base_dir: &Path,
-    ) -> Result<Track, ToolpathError> {
+    /// [`SetupError`] with the key to blame.
+    pub fn track(&self, default_power: Option<f64>, base_dir: &Path) -> Result<Track, SetupError> {
         if let Some(power) = default_power {
-            not_negative("power", power)?;
+            check_at_least("power", power, 0.0, "W")?;
         }
         match self {
             Self::Line(path) => path.track(default_power),
@@ -137,230 +134,49 @@ impl Toolpath {
     }
 }
 
-/// What can be wrong with a toolpath.
-#[derive(Debug, thiserror::Error)]
-pub enum ToolpathError {
-    /// A length, speed or time that must be greater than zero is not.
-    #[error("`{key}` of the toolpath must be a finite number greater than zero, but is {value}")]
-    NotPositive {
-        /// Key in the case file.
-        key: String,
-        /// Value found.
-        value: f64,
-    },
-    /// A power, time or dwell that must not be negative is.
-    #[error("`{key}` of the toolpath must be a finite number, zero or greater, but is {value}")]
-    Negative {
-        /// Key in the case file.
-        key: String,
-        /// Value found.
-        value: f64,
-    },
-    /// A coordinate or angle that is not a number.
-    #[error("`{key}` of the toolpath must be finite")]
-    NotFinite {
-        /// Key in the case file.
-        key: String,
-    },
-    /// `end` and `direction` of a line are both given or both missing.
-    #[error(
-        "a line needs either `end`, or `direction` with an optional `end_time`, and not both; \
-         see `{key}`"
-    )]
-    LineGoal {
-        /// Key in the case file.
-        key: String,
-    },
-    /// A move without length.
-    #[error("`{key}` of the toolpath gives a move of length zero")]
-    NoLength {
-        /// Key in the case file.
-        key: String,
-    },
-    /// Neither the toolpath nor the source gives a power.
-    #[error("no power is given for `{key}`: set `power` of the source or of the toolpath")]
-    NoPower {
-        /// Key in the case file.
-        key: String,
-    },
-    /// The path would need more moves than can be held.
-    #[error("the toolpath has {moves} moves, more than {limit}; check `{key}`")]
-    TooManyMoves {
-        /// Key in the case file.
-        key: String,
-        /// Moves asked for.
-        moves: f64,
-        /// Most that are allowed.
-        limit: f64,
-    },
-    /// The table cannot be opened.
-    #[error("cannot read the toolpath table {}: {source}", path.display())]
-    TableOpen {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: InputError,
-    },
-    /// A header or a row of the table cannot be read.
-    #[error(
-        "line {line} of the toolpath table {} cannot be read: {problem}; expected the columns `{columns}`",
-        path.display()
-    )]
-    TableLine {
-        /// The file.
-        path: PathBuf,
-        /// Line in the file, counted from 1.
-        line: u64,
-        /// What is wrong.
-        problem: String,
-        /// Columns of the format.
-        columns: String,
-    },
-    /// A key that the format of the table does not have.
-    #[error("`{key}` of the toolpath table belongs to `format = \"{format}\"`; leave it out")]
-    TableKey {
-        /// Key in the case file.
-        key: &'static str,
-        /// The format that has it.
-        format: &'static str,
-    },
-    /// A value in the table is out of range.
-    #[error(
-        "line {line} of the toolpath table {}: `{column}` is {value}, expected {expected}",
-        path.display()
-    )]
-    TableValue {
-        /// The file.
-        path: PathBuf,
-        /// Line in the file, counted from 1.
-        line: u64,
-        /// Column name.
-        column: &'static str,
-        /// Value found.
-        value: f64,
-        /// What was expected.
-        expected: &'static str,
-    },
-    /// The times of the table decrease.
-    #[error(
-        "line {line} of the toolpath table {}: time {time} s comes after {previous} s; \
-         times must not decrease", path.display()
-    )]
-    TableTime {
-        /// The file.
-        path: PathBuf,
-        /// Line in the file, counted from 1.
-        line: u64,
-        /// Time of this row (s).
-        time: f64,
-        /// Time of the row before (s).
-        previous: f64,
-    },
-    /// Fewer than two rows.
-    #[error("the toolpath table {} has {rows} rows, at least two are needed", path.display())]
-    TableShort {
-        /// The file.
-        path: PathBuf,
-        /// Rows found.
-        rows: usize,
-    },
-    /// A program in G-code.
-    #[error(transparent)]
-    Gcode(#[from] GcodeError),
-    /// A pass of a sequence.
-    #[error("pass {} of the sequence: {source}", index + 1)]
-    Pass {
-        /// Index of the pass, counted from 0.
-        index: usize,
-        /// Key of the kind of its toolpath.
-        kind: &'static str,
-        /// What is wrong.
-        source: Box<ToolpathError>,
-    },
-    /// A pass without an end that others follow.
-    #[error("`{key}` has no end, but a pass follows it; give `end` or `end_time`")]
-    NoEnd {
-        /// Key in the case file.
-        key: String,
-    },
-    /// A row of the table waits, but it is not given for what.
-    #[error("line {line} of the toolpath table {} has a `wait`, but the toolpath has no `wait_until`", path.display())]
-    TableWait {
-        /// The file.
-        path: PathBuf,
-        /// Line in the file, counted from 1.
-        line: u64,
-    },
-}
+/// Most moves of a pattern, to refuse lengths in the wrong unit instead of filling the memory.
+const MOST_MOVES: f64 = 1e7;
 
-impl ToolpathError {
-    /// The case-file key at fault, for pointing at its line.
-    pub fn key(&self) -> Cow<'_, str> {
-        let key = match self {
-            Self::Pass {
-                index,
-                kind,
-                source,
-            } => return format!("passes[{index}].toolpath.{kind}.{}", source.key()).into(),
-            Self::NotPositive { key, .. }
-            | Self::Negative { key, .. }
-            | Self::NotFinite { key }
-            | Self::LineGoal { key }
-            | Self::NoLength { key }
-            | Self::NoPower { key }
-            | Self::NoEnd { key }
-            | Self::TooManyMoves { key, .. } => key.as_str(),
-            Self::TableKey { key, .. } => key,
-            Self::TableOpen { .. }
-            | Self::TableLine { .. }
-            | Self::TableValue { .. }
-            | Self::TableTime { .. }
-            | Self::TableShort { .. }
-            | Self::TableWait { .. } => "file",
-            Self::Gcode(e) => e.key(),
-        };
-        key.into()
+/// The mistake of the toolpath at `key` in the table of a plugin.
+pub(crate) fn in_table(key: String, mistake: SetupError) -> SetupError {
+    SetupError {
+        key: format!("{key}.{}", mistake.key),
+        ..mistake
     }
 }
 
-fn positive(key: &str, value: f64) -> Result<f64, ToolpathError> {
-    if value.is_finite() && value > 0.0 {
-        return Ok(value);
-    }
-    Err(ToolpathError::NotPositive {
-        key: key.into(),
-        value,
-    })
+/// A move without length.
+fn no_length(key: &str) -> SetupError {
+    let message = format!("`{key}` of the toolpath gives a move of length zero");
+    SetupError::value(key, message, "a length above 0")
 }
 
-fn not_negative(key: &str, value: f64) -> Result<f64, ToolpathError> {
-    if value.is_finite() && value >= 0.0 {
-        return Ok(value);
-    }
-    Err(ToolpathError::Negative {
-        key: key.into(),
-        value,
-    })
+/// Neither the toolpath nor the source gives a power.
+fn no_power(key: &str) -> SetupError {
+    let message = format!("no power is given for `{key}`");
+    SetupError::value(key, message, "`power` of the source or of the toolpath")
 }
 
-fn finite(key: &str, value: f64) -> Result<f64, ToolpathError> {
-    if value.is_finite() {
-        return Ok(value);
+/// Refuses a path with more moves than can be held.
+fn check_moves(key: &str, moves: f64) -> Result<(), SetupError> {
+    if moves <= MOST_MOVES {
+        return Ok(());
     }
-    Err(ToolpathError::NotFinite { key: key.into() })
+    let message = format!("the toolpath has {moves} moves, more than {MOST_MOVES}");
+    Err(SetupError::value(key, message, format!("a larger `{key}`")))
 }
 
-fn place(key: &str, value: [f64; 3]) -> Result<Vector3<f64>, ToolpathError> {
+fn place(key: &str, value: [f64; 3]) -> Result<Vector3<f64>, SetupError> {
     for component in value {
-        finite(key, component)?;
+        check_finite(key, component)?;
     }
     Ok(Vector3::from(value))
 }
 
 /// Own power of a move, or that of the toolpath, or that of the source (W).
-fn power_of(key: &str, own: Option<f64>, default: Option<f64>) -> Result<f64, ToolpathError> {
+fn power_of(key: &str, own: Option<f64>, default: Option<f64>) -> Result<f64, SetupError> {
     match own.or(default) {
-        Some(power) => not_negative(key, power),
-        None => Err(ToolpathError::NoPower { key: key.into() }),
+        Some(power) => check_at_least(key, power, 0.0, "W"),
+        None => Err(no_power(key)),
     }
 }

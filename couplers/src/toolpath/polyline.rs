@@ -4,7 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::track::TrackBuilder;
-use super::{ToolpathError, Track, WaitUntil, finite, not_negative, place, positive, power_of};
+use super::{Track, WaitUntil, no_length, place, power_of};
+use perimelt_core::SetupError;
+use perimelt_core::numbers::{check_at_least, check_finite, check_positive};
 
 /// Straight segments from `start` through each `to`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -55,8 +57,8 @@ pub struct Segment {
 }
 
 impl Polyline {
-    pub(super) fn track(&self, default_power: Option<f64>) -> Result<Track, ToolpathError> {
-        let start_time = finite("start_time", self.start_time)?;
+    pub(super) fn track(&self, default_power: Option<f64>) -> Result<Track, SetupError> {
+        let start_time = check_finite("start_time", self.start_time)?;
         let mut at = place("start", self.start)?;
         let mut track = TrackBuilder::new(start_time, at);
         for (index, segment) in self.segments.iter().enumerate() {
@@ -68,19 +70,17 @@ impl Polyline {
             }
             if to != at {
                 let speed = match (segment.speed, self.speed) {
-                    (Some(speed), _) => positive(&key("speed"), speed)?,
-                    (None, Some(speed)) => positive("speed", speed)?,
-                    (None, None) => positive(&key("speed"), 0.0)?,
+                    (Some(speed), _) => check_positive(&key("speed"), speed, "m/s")?,
+                    (None, Some(speed)) => check_positive("speed", speed, "m/s")?,
+                    (None, None) => check_positive(&key("speed"), 0.0, "m/s")?,
                 };
                 track.go(to, speed, power);
             }
-            let dwell = not_negative(&key("dwell"), segment.dwell)?;
+            let dwell = check_at_least(&key("dwell"), segment.dwell, 0.0, "s")?;
             let dwell_power = power_of(&key("dwell_power"), segment.dwell_power, Some(power))?;
             track.dwell(dwell, dwell_power);
             at = to;
         }
-        track.finish().ok_or(ToolpathError::NoLength {
-            key: "segments".into(),
-        })
+        track.finish().ok_or_else(|| no_length("segments"))
     }
 }

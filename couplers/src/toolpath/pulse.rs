@@ -1,5 +1,7 @@
 //! Pulses of a source: its power alternates between the power of the toolpath and a base power.
 
+use perimelt_core::SetupError;
+use perimelt_core::numbers::{check_fraction, check_positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -24,16 +26,13 @@ pub struct Pulse {
 }
 
 impl Pulse {
-    /// The key that is out of its range, its value, and what is expected.
-    pub(crate) fn fault(&self) -> Option<(&'static str, f64, &'static str)> {
-        let is_fraction = |value: f64| (0.0..=1.0).contains(&value);
-        if !(self.frequency > 0.0 && self.frequency.is_finite()) {
-            return Some(("frequency", self.frequency, "a number above 0 Hz"));
-        }
-        if !(is_fraction(self.duty) && self.duty > 0.0) {
-            return Some(("duty", self.duty, "a fraction above 0, at most 1"));
-        }
-        (!is_fraction(self.base)).then_some(("base", self.base, "a fraction from 0 to 1"))
+    /// Refuses numbers out of their ranges.
+    pub(crate) fn check(&self) -> Result<(), SetupError> {
+        check_positive("pulse.frequency", self.frequency, "Hz")?;
+        check_positive("pulse.duty", self.duty, "")?;
+        check_fraction("pulse.duty", self.duty)?;
+        check_fraction("pulse.base", self.base)?;
+        Ok(())
     }
 }
 
@@ -131,7 +130,7 @@ mod tests {
             duty: 0.3,
             base: 0.0,
         };
-        assert_eq!(pulse.fault(), None);
+        pulse.check().expect("in range");
         let pulses = Pulses::new(pulse, 0.1);
         let mut at = 0.1;
         let mut on = 0.0;
@@ -162,7 +161,8 @@ mod tests {
             (pulse(1.0, 0.5, -0.1), "base"),
             (pulse(1.0, 0.5, f64::NAN), "base"),
         ] {
-            assert_eq!(pulse.fault().map(|f| f.0), Some(key), "{pulse:?}");
+            let found = pulse.check().expect_err(key).key;
+            assert_eq!(found, format!("pulse.{key}"), "{pulse:?}");
         }
     }
 }

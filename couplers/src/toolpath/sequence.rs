@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::track::TrackBuilder;
 use super::wait::WaitUntil;
-use super::{Toolpath, ToolpathError, Track, place};
+use super::{Toolpath, Track, in_table, no_length, place};
+use perimelt_core::SetupError;
+use perimelt_core::numbers::check_at_least;
 
 /// Passes one after the other.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -40,26 +42,21 @@ impl Sequence {
         &self,
         default_power: Option<f64>,
         base_dir: &Path,
-    ) -> Result<Track, ToolpathError> {
+    ) -> Result<Track, SetupError> {
         let mut track: Option<TrackBuilder> = None;
         for (index, pass) in self.passes.iter().enumerate() {
             let own = pass.toolpath.track(default_power, base_dir);
-            let own = own.map_err(|e| ToolpathError::Pass {
-                index,
-                kind: pass.toolpath.kind(),
-                source: Box::new(e),
-            })?;
             let key = |name: &str| format!("passes[{index}].{name}");
-            if own.start() < 0.0 {
-                return Err(ToolpathError::Negative {
-                    key: key(&format!("toolpath.{}.start_time", pass.toolpath.kind())),
-                    value: own.start(),
-                });
-            }
+            let table = key(&format!("toolpath.{}", pass.toolpath.kind()));
+            let own = own.map_err(|e| in_table(table.clone(), e))?;
+            check_at_least("start_time", own.start(), 0.0, "s").map_err(|e| in_table(table, e))?;
             if own.end().is_none() && index + 1 < self.passes.len() {
-                return Err(ToolpathError::NoEnd {
-                    key: key("toolpath"),
-                });
+                let message = format!("pass {} has no end, but another one follows", index + 1);
+                return Err(SetupError::value(
+                    key("toolpath"),
+                    message,
+                    "`end` or `end_time`",
+                ));
             }
             let usual = self.wait_until.as_ref().filter(|_| index > 0);
             let begin = own.pose(own.start()).position;
@@ -67,14 +64,12 @@ impl Sequence {
             track.begin_pass(pass.wait_until.as_ref().or(usual));
             let axis = |torch: [f64; 3]| {
                 let axis = place(&key("torch"), torch)?.try_normalize(0.0);
-                axis.ok_or_else(|| ToolpathError::NoLength { key: key("torch") })
+                axis.ok_or_else(|| no_length(&key("torch")))
             };
             track.follow(&own, pass.torch.map(axis).transpose()?);
         }
         track
             .and_then(TrackBuilder::finish)
-            .ok_or(ToolpathError::NoLength {
-                key: "passes".into(),
-            })
+            .ok_or_else(|| no_length("passes"))
     }
 }

@@ -1,6 +1,7 @@
 //! Waits of a toolpath, until a temperature has fallen below a value or risen above it.
 
 use nalgebra::Vector3;
+use perimelt_core::numbers::check_positive;
 use perimelt_core::text::position;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::activity::is_active;
@@ -53,10 +54,11 @@ impl WaitUntil {
     pub(super) fn gauge(&self, setup: &Setup<'_>, body: BodyIndex) -> Result<Gauge, SetupError> {
         let refuse =
             |message: String, expected: &str| Err(SetupError::value("toolpath", message, expected));
-        if !(self.temperature > 0.0 && self.temperature.is_finite()) {
-            let message = format!("`wait_until.temperature` is {} K", self.temperature);
-            return refuse(message, "a temperature above 0 K");
-        }
+        let in_toolpath = |e: SetupError| SetupError {
+            key: "toolpath".into(),
+            ..e
+        };
+        check_positive("wait_until.temperature", self.temperature, "K").map_err(in_toolpath)?;
         let points = match (&self.region, self.at) {
             (Some(_), Some(_)) => {
                 let message = "`wait_until` has both `region` and `at`".into();

@@ -9,10 +9,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::track::TrackBuilder;
-use super::{ToolpathError, Track, finite, not_negative, place, positive, power_of};
-
-/// Most legs of a zigzag, to refuse a wavelength in the wrong unit instead of filling the memory.
-const MOST_LEGS: f64 = 1e7;
+use super::{Track, check_moves, no_length, place, power_of};
+use perimelt_core::SetupError;
+use perimelt_core::numbers::{check_at_least, check_finite, check_positive};
 
 /// A straight seam with a sideways oscillation in the plane normal to z.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -55,22 +54,22 @@ pub enum WeaveShape {
 }
 
 impl Weave {
-    pub(super) fn track(&self, default_power: Option<f64>) -> Result<Track, ToolpathError> {
+    pub(super) fn track(&self, default_power: Option<f64>) -> Result<Track, SetupError> {
         let start = place("start", self.start)?;
         let end = place("end", self.end)?;
-        let speed = positive("speed", self.speed)?;
-        let amplitude = not_negative("amplitude", self.amplitude)?;
-        let wavelength = positive("wavelength", self.wavelength)?;
+        let speed = check_positive("speed", self.speed, "m/s")?;
+        let amplitude = check_at_least("amplitude", self.amplitude, 0.0, "m")?;
+        let wavelength = check_positive("wavelength", self.wavelength, "m")?;
         let power = power_of("power", self.power, default_power)?;
         let length = (end - start).norm();
-        let no_length = || ToolpathError::NoLength { key: "end".into() };
+        let no_length = || no_length("end");
         let seam = (end - start).try_normalize(0.0).ok_or_else(no_length)?;
         // a seam along z has no sideways direction in the plane normal to z
         let sideways = Vector3::z()
             .cross(&seam)
             .try_normalize(1e-12)
             .ok_or_else(no_length)?;
-        let mut track = TrackBuilder::new(finite("start_time", self.start_time)?, start);
+        let mut track = TrackBuilder::new(check_finite("start_time", self.start_time)?, start);
         match self.shape {
             WeaveShape::Sine => {
                 let rate = TAU * speed / wavelength;
@@ -78,14 +77,7 @@ impl Weave {
             }
             WeaveShape::Zigzag => {
                 let legs = 2.0 * length / wavelength;
-                if legs > MOST_LEGS {
-                    let key = "wavelength".into();
-                    return Err(ToolpathError::TooManyMoves {
-                        key,
-                        moves: legs,
-                        limit: MOST_LEGS,
-                    });
-                }
+                check_moves("wavelength", legs)?;
                 let mut from = 0.0;
                 for leg in 0_u32.. {
                     // turning points at 1/4, 3/4, 5/4 ... of the wavelength

@@ -35,8 +35,8 @@ pub mod transformation;
 use perimelt_core::material::{Table, ValueRange};
 use perimelt_core::plugin::load_points;
 use perimelt_core::{
-    Key, Physics, PhysicsReport, Read, Report, RunError, RunningPhysics, Setup, SetupError, Step,
-    Work, World, Write, keys, register_property,
+    Key, LoadError, Physics, PhysicsReport, Prepared, Read, Report, RunError, RunningPhysics,
+    SavedState, Setup, SetupError, Step, Work, World, Write, keys, register_property,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -325,10 +325,7 @@ impl Metallurgy {
 
 #[typetag::serialize(name = "metallurgy")]
 impl Physics for Metallurgy {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningPhysics> {
         Ok(Box::new(self.prepare_steels(setup)?))
     }
 }
@@ -428,11 +425,7 @@ impl RunningPhysics for RunningMetallurgy {
         Box::new(&self.points)
     }
 
-    fn load(
-        &mut self,
-        _world: &World,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
         self.points = load_points(state, self.points.len())?;
         Ok(())
     }

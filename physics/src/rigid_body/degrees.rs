@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use perimelt_core::numbers::check_at_least;
 use perimelt_core::{InTime, SetupError, Step};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -331,20 +332,21 @@ fn check_free(key: &str, value: f64, freedom: &Freedom) -> Result<(), SetupError
         let message = "a spring or dashpot has no effect on a held or driven degree of freedom";
         return Err(SetupError::value(key, message, "a free degree of freedom"));
     }
-    if !(value >= 0.0 && value.is_finite()) {
-        let message = format!("{value} is negative or not finite");
-        return Err(SetupError::value(key, message, "zero or a positive number"));
-    }
+    check_at_least(key, value, 0.0, "")?;
     Ok(())
 }
 
 fn held_and_driven(key: &str) -> SetupError {
     let message = "the degree of freedom is held and driven";
-    SetupError::value(key, message, "it in `hold` or in `driven`")
+    SetupError::value(
+        key,
+        message,
+        "the degree of freedom in one of `hold` and `driven`",
+    )
 }
 
 fn needs_one_axis(key: &str) -> SetupError {
-    let message = "a 3D body that may turn in any way has no axis of rotation";
+    let message = "a 3D body that rotates freely has no axis of rotation";
     let expected = "two rotations held, such as `hold = [\"rotation_x\", \"rotation_y\"]`";
     SetupError::value(key, message, expected)
 }

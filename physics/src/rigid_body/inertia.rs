@@ -44,7 +44,7 @@ impl Inertia {
             (Inertia::Principal(moments), 3) => Matrix3::from_diagonal(&Vector3::from(*moments)),
             // rows become columns: the matrix is symmetric
             (Inertia::Matrix(rows), 3) => Matrix3::from(*rows),
-            (_, 2) => return refuse("a 2D body turns about z only", "one number in kg m²"),
+            (_, 2) => return refuse("a 2D body rotates about z only", "one number in kg m²"),
             _ => {
                 let expected = "[xx, yy, zz] or a symmetric 3 by 3 matrix in kg m²";
                 return refuse("one number does not give the inertia in 3D", expected);

@@ -26,11 +26,12 @@ mod state;
 mod tests;
 
 use nalgebra::{Matrix3, Vector3};
+use perimelt_core::numbers::check_positive;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::Rigid;
 use perimelt_core::{
-    Balance, Physics, PhysicsReport, Read, RunError, RunningPhysics, Setup, SetupError, Step,
-    StepLimits, StepSize, Stepping, Work, World, Write, keys,
+    Balance, LoadError, Physics, PhysicsReport, Prepared, Read, RunError, RunningPhysics,
+    SavedState, Setup, SetupError, Step, StepLimits, StepSize, Stepping, Work, World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -190,12 +191,7 @@ impl RunningRigidBody {
 
 impl RigidBody {
     fn properties(&self, setup: &Setup<'_>, body: BodyIndex) -> Result<MassProperties, SetupError> {
-        if let Some(mass) = self.mass
-            && !(mass > 0.0 && mass.is_finite())
-        {
-            let message = format!("a mass of {mass} kg");
-            return Err(SetupError::value("mass", message, "a positive mass in kg"));
-        }
+        check_positive("mass", self.mass, "kg")?;
         let density = match (setup.world().density_at_points(body), self.mass) {
             (Ok(density), _) => density,
             // a body with a mass and no density is uniform
@@ -214,7 +210,7 @@ impl RigidBody {
     /// Refuses initial velocities of degrees of freedom that are not free.
     fn check_initial(&self, freedoms: &Freedoms) -> Result<(), SetupError> {
         let refuse = |key: &str, axis: usize| {
-            let message = format!("the body is not free along or about {}", AXES[axis]);
+            let message = format!("the body cannot move along or rotate about {}", AXES[axis]);
             Err(SetupError::value(key, message, "zero there"))
         };
         let velocity = self.initial_velocity.unwrap_or_default();
@@ -245,7 +241,7 @@ fn check_body(
     freedoms: &Freedoms,
 ) -> Result<(), SetupError> {
     if setup.body(body).periodic != [false; 3] {
-        let message = "a periodic body has no centre of mass and cannot turn";
+        let message = "a periodic body has no centre of mass and cannot rotate";
         return Err(SetupError::value(
             "body",
             message,
@@ -264,7 +260,10 @@ fn check_body(
     }
     let crossing = |face: &&perimelt_core::Face| freedoms.translation[face.axis()].is_free();
     if let Some(face) = faces.iter().find(crossing) {
-        let message = format!("the body may leave its plane of symmetry `{}`", face.name());
+        let message = format!(
+            "the body is free to leave its plane of symmetry `{}`",
+            face.name()
+        );
         let expected = format!("`hold = [\"{}\"]`", AXES[face.axis()]);
         return Err(SetupError::value("hold", message, expected));
     }
@@ -273,10 +272,7 @@ fn check_body(
 
 #[typetag::serialize(name = "rigid_body")]
 impl Physics for RigidBody {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningPhysics> {
         let body = setup.find_body(self.body.as_deref())?;
         let dimension = setup.body(body).dimension;
         if dimension == 1 {
@@ -395,11 +391,7 @@ impl RunningPhysics for RunningRigidBody {
         Box::new(&self.state)
     }
 
-    fn load(
-        &mut self,
-        _world: &World,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
         self.state = erased_serde::deserialize(state)?;
         Ok(())
     }

@@ -424,11 +424,11 @@ fn mistakes_are_explained() {
     let (flat, solid) = (([4, 3, 1], 2), ([4, 3, 2], 3));
     for ((cells, dimension), keys, message) in [
         (([4, 1, 1], 1), "", "body: a 1D body cannot move"),
-        (flat, "mass = -1", "mass: a mass of -1 kg"),
+        (flat, "mass = -1", "mass: `mass` is -1"),
         (
             flat,
             "inertia = [1, 2, 3]",
-            "inertia: a 2D body turns about z only",
+            "inertia: a 2D body rotates about z only",
         ),
         (solid, "inertia = 3", "inertia: one number does not give"),
         (
@@ -455,14 +455,14 @@ fn mistakes_are_explained() {
         (
             solid,
             "driven.rotation.velocity = 1",
-            "driven.rotation: a 3D body that may turn in any way",
+            "driven.rotation: a 3D body that rotates freely",
         ),
         (
             flat,
             "hold = ['x']\nspring.x = 1",
             "spring.x: a spring or dashpot has no effect",
         ),
-        (flat, "damping.x = -1", "damping.x: -1 is negative"),
+        (flat, "damping.x = -1", "damping.x: `damping.x` is -1"),
         (
             flat,
             "spring.z = 1",
@@ -471,7 +471,7 @@ fn mistakes_are_explained() {
         (
             flat,
             "hold = ['x']\ninitial_velocity = [1, 0, 0]",
-            "initial_velocity: the body is not free",
+            "initial_velocity: the body cannot move",
         ),
         (
             solid,

@@ -48,10 +48,7 @@ impl RunningDiffusion {
 
 #[typetag::serialize(name = "moisture_diffusion")]
 impl Physics for MoistureDiffusion {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningPhysics> {
         let body = setup.find_body(self.body.as_deref())?;
         let spec = FamilySpec::mirrored(setup.body(body), self.horizon);
         let (family, property) = (setup.family(body, &spec)?, "moisture_diffusivity");

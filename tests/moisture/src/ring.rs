@@ -1,9 +1,10 @@
 //! A laser whose beam is a ring: a shape of a moving heat source.
 use std::rc::Rc;
 
+use perimelt_core::SetupError;
 use perimelt_couplers::heat_source::SourceShape;
 use perimelt_couplers::heat_source::shape::{
-    CellGrid, Density, DensityOnFace, HeatedSurface, PowerDensity, SourceError,
+    CellGrid, Density, DensityOnFace, HeatedSurface, PowerDensity,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -62,7 +63,7 @@ impl SourceShape for Ring {
         self.heated_surface
     }
 
-    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SourceError> {
+    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SetupError> {
         Ok(PowerDensity::Sampled(DensityOnFace {
             density: Rc::new(self.clone()),
             surface: self.heated_surface,

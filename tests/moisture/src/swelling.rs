@@ -23,10 +23,7 @@ struct RunningSwelling {
 
 #[typetag::serialize(name = "swelling")]
 impl Coupler for Swelling {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         Ok(Box::new(RunningSwelling {
             moisture: setup.read(body, &crate::diffusion::MOISTURE)?,

@@ -2,7 +2,7 @@
 //! coupler pushes them and the points of a ship apart (`bumper`). Linking this crate makes both known.
 use nalgebra::Vector3;
 use perimelt_core::{
-    Coupler, PairList, Physics, Read, RunError, RunningCoupler, RunningPhysics, Setup, SetupError,
+    Coupler, PairList, Physics, Prepared, Read, RunError, RunningCoupler, RunningPhysics, Setup,
     Step, Work, World, Write, keys, register_coupler, register_physics,
 };
 use schemars::JsonSchema;
@@ -31,10 +31,7 @@ struct RunningFender {
 
 #[typetag::serialize(name = "fender")]
 impl Physics for Fender {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningPhysics> {
         let body = setup.find_body(Some(&self.body))?;
         Ok(Box::new(RunningFender {
             stiffness: self.stiffness,
@@ -92,10 +89,7 @@ struct BumperSide(Write<Vector3<f64>>, Vec<f64>);
 
 #[typetag::serialize(name = "bumper")]
 impl Coupler for Bumper {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let [a, b] = &self.bodies;
         let bodies = [setup.find_body(Some(a))?, setup.find_body(Some(b))?];
         let volumes = bodies.map(|body| setup.body(body).points.volume.clone());

@@ -1,13 +1,13 @@
 //! Bodies, fields and points that a `measure` key names.
 
 use nalgebra::Vector3;
-use perimelt_core::{Body, Problem, SetupError, Simulation};
+use perimelt_core::{Body, SetupError, Simulation};
 
 use super::sample::Sampler;
 use crate::component::Component;
 use crate::melt_pool::MeltPoolGauge;
 use crate::probe::interpolation::{Interpolation, Weights};
-use crate::probe::{Probe, find_body, find_field, points_of};
+use crate::probe::{Probe, find_field, points_of};
 use crate::probe::{ProbeKind, ProbeSection, RegionProbe, Statistic};
 use crate::verify::check::{
     BalanceMeasure, CrossingMeasure, DeviationMeasure, FieldMeasure, HistoryMeasure, Measure,
@@ -34,7 +34,7 @@ impl Schedule {
         let (over_time, since) = times.map_or((None, None), |t| (t.over_time, t.since));
         let over_time = match (over_time, since) {
             (Some(OverTime::Last), Some(since)) => {
-                let message = format!("the last state alone does not begin at {since} s");
+                let message = format!("`since` = {since} s has no effect on the last state");
                 let expected = "\"max\", \"min\" or \"mean\", or no `since`";
                 return Err(SetupError::value("measure.over_time", message, expected));
             }
@@ -226,7 +226,12 @@ fn place(m: &PlaceMeasure, simulation: &Simulation) -> Result<Sampler, SetupErro
     Ok(Sampler::Place {
         body: found.body,
         component: found.component(m.target.component.as_deref())?,
-        points: points_of(found.points(), region, "measure.place.region")?,
+        points: points_of(
+            simulation.world(),
+            found.body,
+            region,
+            "measure.place.region",
+        )?,
         of: m.of,
     })
 }
@@ -241,14 +246,19 @@ fn deviation(m: &DeviationMeasure, simulation: &Simulation) -> Result<Sampler, S
     let region = m.region.as_deref();
     Ok(Sampler::Deviation {
         component: found.component(m.target.component.as_deref())?,
-        points: points_of(found.points(), region, "measure.deviation.region")?,
+        points: points_of(
+            simulation.world(),
+            found.body,
+            region,
+            "measure.deviation.region",
+        )?,
         section: m.clone(),
     })
 }
 
 fn melt_pool(m: &MeltPoolMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
     let key = "measure.melt_pool";
-    let body = find_body(simulation.world(), m.body.as_deref())?;
+    let body = simulation.world().find_body(m.body.as_deref())?;
     let world = simulation.world();
     let points = world.body(body);
     let gauge = MeltPoolGauge::of_body(world, body, m.isotherm);
@@ -295,7 +305,7 @@ impl<'a> Found<'a> {
         field: &str,
         key: &str,
     ) -> Result<Self, SetupError> {
-        let body = find_body(simulation.world(), body.as_deref())?;
+        let body = simulation.world().find_body(body.as_deref())?;
         Ok(Found {
             simulation,
             body,
@@ -335,7 +345,7 @@ fn direction(along: [f64; 3], key: &str) -> Result<Vector3<f64>, SetupError> {
 
 /// The body called `name`, which must have a displacement.
 fn find_moving_body(simulation: &Simulation, name: Option<&str>) -> Result<usize, SetupError> {
-    let body = find_body(simulation.world(), name)?;
+    let body = simulation.world().find_body(name)?;
     find_field(simulation, body, "displacement", "measure")?;
     Ok(body)
 }
@@ -369,9 +379,5 @@ fn is_one_of(
     }
     known.sort();
     known.dedup();
-    let name = name.into();
-    Err(SetupError::new(
-        key,
-        Problem::UnknownName { what, name, known },
-    ))
+    Err(SetupError::unknown(key, what, name, known))
 }

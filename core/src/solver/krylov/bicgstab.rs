@@ -16,7 +16,8 @@ pub(super) struct BiCgStab {
 
 impl Iteration for BiCgStab {
     const NAME: &str = "BiCGStab";
-    const ADVICE: &str = "allow more iterations, ask for less, take a smaller time step, or give the diagonal of the matrix as preconditioner";
+    const ADVICE: &str = "allow more iterations or a larger tolerance, take a smaller time step, \
+                          or give the diagonal of the matrix as preconditioner";
 
     fn advance(
         &mut self,

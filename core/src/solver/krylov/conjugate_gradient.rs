@@ -24,8 +24,7 @@ pub(super) struct ConjugateGradient {
 
 impl Iteration for ConjugateGradient {
     const NAME: &str = "the conjugate gradient method";
-    const ADVICE: &str =
-        "allow more iterations, ask for less, or give the diagonal of the matrix as preconditioner";
+    const ADVICE: &str = "allow more iterations or a larger tolerance, or give the diagonal of the matrix as preconditioner";
 
     fn advance(
         &mut self,

@@ -64,7 +64,8 @@ impl LeastSquares {
 
 impl Iteration for Gmres {
     const NAME: &str = "GMRES";
-    const ADVICE: &str = "allow more iterations, ask for less, take a smaller time step, or give the diagonal of the matrix as preconditioner";
+    const ADVICE: &str = "allow more iterations or a larger tolerance, take a smaller time step, \
+                          or give the diagonal of the matrix as preconditioner";
 
     /// Iterates until convergence or a restart.
     fn advance(

@@ -11,9 +11,10 @@
 
 use super::heated_body::depth_range;
 use super::profile::{DepthProfile, Footprint};
-use super::{CellGrid, CellSampling, Cells, Deposit, HeatedBody, Sampling, SourceError};
+use super::{CellGrid, CellSampling, Cells, Deposit, HeatedBody, Sampling, check_cells};
 use crate::toolpath::Pose;
 use nalgebra::Vector3;
+use perimelt_core::SetupError;
 
 /// Most cells in a cross-section of the source: 1 GB of work space.
 const MOST_CELLS: f64 = 1e8;
@@ -145,7 +146,7 @@ impl Span {
 
 impl Beam {
     /// Refuses a source that covers more cells than can be held.
-    pub(super) fn check_size(&self, grid: &CellGrid) -> Result<(), SourceError> {
+    pub(super) fn check_size(&self, grid: &CellGrid) -> Result<(), SetupError> {
         let axis = self.sampled.heated_surface.face.axis();
         let [along, across] = self.footprint.reach();
         let lateral: f64 = (0..3)
@@ -154,13 +155,7 @@ impl Beam {
             .product();
         let layers = self.depth.reach() / grid.spacing[axis];
         for (key, cells) in [(self.widest_key, lateral), ("depth", layers)] {
-            if cells > MOST_CELLS {
-                return Err(SourceError::TooWide {
-                    key,
-                    cells,
-                    limit: MOST_CELLS,
-                });
-            }
+            check_cells(key, cells, MOST_CELLS)?;
         }
         Ok(())
     }

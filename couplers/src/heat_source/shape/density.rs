@@ -16,8 +16,10 @@ use std::rc::Rc;
 use nalgebra::Vector3;
 
 use super::sampled::{Sampled, SourceFrame};
-use super::{CellGrid, Cells, Deposit, HeatedSurface, SourceError, positive};
+use super::{CellGrid, Cells, Deposit, HeatedSurface, check_cells};
 use crate::toolpath::Pose;
+use perimelt_core::SetupError;
+use perimelt_core::numbers::check_positive;
 
 /// Most samples of the density in a step.
 const MOST_SAMPLES: f64 = 1e8;
@@ -48,11 +50,11 @@ pub struct DensityOnFace {
 
 impl DensityOnFace {
     /// Checks lengths and values of the density.
-    pub(super) fn check(&self, grid: &CellGrid) -> Result<(), SourceError> {
+    pub(super) fn check(&self, grid: &CellGrid) -> Result<(), SetupError> {
         let reach = self.density.reach();
-        let finest = positive("reach", self.density.finest())?;
+        let finest = check_positive("reach", self.density.finest(), "m")?;
         for length in reach {
-            positive("reach", length)?;
+            check_positive("reach", length, "m")?;
         }
         let [along, across, depth] = reach;
         let mut largest = 0.0_f64;
@@ -66,15 +68,21 @@ impl DensityOnFace {
             ];
             let value = self.density.at(x, y, z);
             if !(value >= 0.0 && value.is_finite()) {
-                return Err(SourceError::Density {
-                    value,
-                    at: [x, y, z],
-                });
+                let at = [x, y, z];
+                let message = format!(
+                    "the density of the heat source is {value} at x, y, z = {at:?} m from its centre"
+                );
+                return Err(SetupError::value(
+                    "profile",
+                    message,
+                    "a number, zero or greater",
+                ));
             }
             largest = largest.max(value);
         }
         if largest == 0.0 {
-            return Err(SourceError::NoDensity);
+            let message = "the density of the heat source is zero everywhere within its reach";
+            return Err(SetupError::value("profile", message, "lengths in metres"));
         }
         let per_axis = |a: usize, reach: f64| {
             let cells = match grid.is_thickness(a) {
@@ -85,14 +93,7 @@ impl DensityOnFace {
         };
         let longest = along.max(across).max(depth);
         let samples: f64 = (0..3).map(|a| per_axis(a, longest)).product();
-        match samples > MOST_SAMPLES {
-            true => Err(SourceError::TooWide {
-                key: "reach",
-                cells: samples,
-                limit: MOST_SAMPLES,
-            }),
-            false => Ok(()),
-        }
+        check_cells("reach", samples, MOST_SAMPLES)
     }
 
     /// The density at `pose`, along the axis `torch` where it is not normal to the face.

@@ -3,10 +3,10 @@
 use nalgebra::Vector3;
 
 use super::beam::Scratch;
-use super::{
-    CellGrid, Cells, HeatedBody, PowerDensity, Sampling, SourceError, SourceShape, within,
-};
+use super::{CellGrid, Cells, HeatedBody, PowerDensity, Sampling, SourceShape, no_direction};
 use crate::toolpath::Pose;
+use perimelt_core::SetupError;
+use perimelt_core::numbers::check_fraction;
 
 /// Powers of one deposit (W), for the log.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -40,8 +40,8 @@ impl Depositor {
     /// Checks a shape and prepares its power density for a body on the lattice `grid`.
     ///
     /// # Errors
-    /// [`SourceError`], naming the key at fault.
-    pub fn new(shape: &dyn SourceShape, grid: &CellGrid) -> Result<Self, SourceError> {
+    /// [`SetupError`] with the key to blame.
+    pub fn new(shape: &dyn SourceShape, grid: &CellGrid) -> Result<Self, SetupError> {
         let density = shape.power_density(grid)?;
         let axis = match &density {
             PowerDensity::Beam(beam) => {
@@ -56,7 +56,7 @@ impl Depositor {
         };
         Ok(Self {
             density,
-            efficiency: within("efficiency", shape.efficiency(), 0.0, 1.0)?,
+            efficiency: check_fraction("efficiency", shape.efficiency())?,
             axis,
             scratch: Scratch::default(),
         })
@@ -75,12 +75,14 @@ impl Depositor {
     /// Refuses what needs a lattice.
     ///
     /// # Errors
-    /// [`SourceError::PointSampling`] and [`SourceError::Direction`].
-    pub fn check_cells(&self) -> Result<(), SourceError> {
+    /// Sampling at points, and a direction of the torch, need a lattice.
+    pub fn check_cells(&self) -> Result<(), SetupError> {
         match &self.density {
-            _ if self.axis.is_some() => Err(SourceError::Direction("a body without a lattice")),
+            _ if self.axis.is_some() => Err(no_direction("a body without a lattice")),
             PowerDensity::Beam(beam) if beam.sampled.sampling == Sampling::Point => {
-                Err(SourceError::PointSampling)
+                let message = "`sampling = \"point\"` needs the cells of a lattice";
+                let expected = "no `sampling`, or a body with `spacing`";
+                Err(SetupError::value("sampling", message, expected))
             }
             _ => Ok(()),
         }

@@ -5,14 +5,12 @@
 //! `f_f + f_r = 2`. It is continuous at xi = 0 for `f_f = 2 c_f / (c_f + c_r)`, the default. The semi-ellipsoid is
 //! `c_f = c_r`, `f_f = f_r = 1`.
 
-use perimelt_core::flattened;
+use perimelt_core::{SetupError, flattened};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Ellipse, Footprint};
-use super::{
-    ArcPower, CellGrid, CellSampling, HeatedSurface, PowerDensity, SourceError, SourceShape,
-    positive, within,
-};
+use super::{ArcPower, CellGrid, CellSampling, HeatedSurface, PowerDensity, SourceShape};
+use perimelt_core::numbers::{check_positive, check_within};
 
 flattened! {
     /// An ellipsoid cut in half by the heated face.
@@ -79,17 +77,17 @@ impl SourceShape for SemiEllipsoid {
         self.sampled.heated_surface
     }
 
-    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SourceError> {
-        let length = positive("half_length", self.half_length)?;
+    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SetupError> {
+        let length = check_positive("half_length", self.half_length, "m")?;
         Ok(PowerDensity::Beam(Beam {
             footprint: Footprint::Ellipse(Ellipse {
                 front: length,
                 rear: length,
-                half_width: positive("half_width", self.half_width)?,
+                half_width: check_positive("half_width", self.half_width, "m")?,
                 power_in_front: 0.5,
             }),
             depth: DepthProfile::Bell {
-                depth: positive("depth", self.depth)?,
+                depth: check_positive("depth", self.depth, "m")?,
             },
             plate_depth: None,
             sampled: self.sampled.clone(),
@@ -100,13 +98,20 @@ impl SourceShape for SemiEllipsoid {
 
 impl Goldak {
     /// f_f and f_r, given or computed.
-    pub fn fractions(&self) -> Result<[f64; 2], SourceError> {
+    pub fn fractions(&self) -> Result<[f64; 2], SetupError> {
         let front = match (self.front_fraction, self.rear_fraction) {
             (Some(front), Some(rear)) if (front + rear - 2.0).abs() > 1e-9 => {
-                return Err(SourceError::Fractions { front, rear });
+                let message = format!(
+                    "`front_fraction` and `rear_fraction` are {front} and {rear}, and do not add up to 2"
+                );
+                return Err(SetupError::value(
+                    "front_fraction",
+                    message,
+                    "one of them, or neither",
+                ));
             }
-            (Some(front), _) => within("front_fraction", front, 0.0, 2.0)?,
-            (None, Some(rear)) => 2.0 - within("rear_fraction", rear, 0.0, 2.0)?,
+            (Some(front), _) => check_within("front_fraction", front, 0.0, 2.0)?,
+            (None, Some(rear)) => 2.0 - check_within("rear_fraction", rear, 0.0, 2.0)?,
             (None, None) => 2.0 * self.front_length / (self.front_length + self.rear_length),
         };
         Ok([front, 2.0 - front])
@@ -130,19 +135,19 @@ impl SourceShape for Goldak {
         self.sampled.heated_surface
     }
 
-    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SourceError> {
-        let front = positive("front_length", self.front_length)?;
-        let rear = positive("rear_length", self.rear_length)?;
+    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SetupError> {
+        let front = check_positive("front_length", self.front_length, "m")?;
+        let rear = check_positive("rear_length", self.rear_length, "m")?;
         let [front_fraction, _] = self.fractions()?;
         Ok(PowerDensity::Beam(Beam {
             footprint: Footprint::Ellipse(Ellipse {
                 front,
                 rear,
-                half_width: positive("half_width", self.half_width)?,
+                half_width: check_positive("half_width", self.half_width, "m")?,
                 power_in_front: 0.5 * front_fraction,
             }),
             depth: DepthProfile::Bell {
-                depth: positive("depth", self.depth)?,
+                depth: check_positive("depth", self.depth, "m")?,
             },
             plate_depth: None,
             sampled: self.sampled.clone(),

@@ -3,13 +3,14 @@
 use std::borrow::Cow;
 use std::rc::Rc;
 
-use perimelt_core::flattened;
 use perimelt_core::formula::Formula;
+use perimelt_core::{SetupError, flattened};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 use super::density::{Density, DensityOnFace};
-use super::{ArcPower, CellGrid, HeatedSurface, PowerDensity, SourceError, SourceShape, positive};
+use super::{ArcPower, CellGrid, HeatedSurface, PowerDensity, SourceShape};
+use perimelt_core::numbers::check_positive;
 
 /// Variables of a profile.
 const VARIABLES: [&str; 4] = ["x", "y", "z", "r"];
@@ -67,10 +68,10 @@ impl SourceShape for Profile {
         self.heated_surface
     }
 
-    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SourceError> {
-        positive("reach", self.reach)?;
-        positive("depth", self.depth)?;
-        positive("finest", self.finest())?;
+    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SetupError> {
+        check_positive("reach", self.reach, "m")?;
+        check_positive("depth", self.depth, "m")?;
+        check_positive("finest", self.finest(), "m")?;
         Ok(PowerDensity::Sampled(DensityOnFace {
             density: Rc::new(self.clone()),
             surface: self.heated_surface,

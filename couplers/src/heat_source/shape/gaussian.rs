@@ -6,14 +6,12 @@
 //! `h_eff = H`, the default there. The thesis takes `h_eff = dx` and so deposits Q H/dx; the
 //! power asked for that is logged is `Q H / h_eff`.
 
-use perimelt_core::flattened;
+use perimelt_core::{SetupError, flattened};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{
-    ArcPower, CellGrid, CellSampling, HeatedSurface, PowerDensity, SourceError, SourceShape,
-    positive,
-};
+use super::{ArcPower, CellGrid, CellSampling, HeatedSurface, PowerDensity, SourceShape};
+use perimelt_core::numbers::check_positive;
 
 flattened! {
     /// A Gaussian on the surface with an effective depth.
@@ -49,16 +47,23 @@ impl SourceShape for Gaussian {
         self.sampled.heated_surface
     }
 
-    fn power_density(&self, grid: &CellGrid) -> Result<PowerDensity, SourceError> {
+    fn power_density(&self, grid: &CellGrid) -> Result<PowerDensity, SetupError> {
         let axis = self.sampled.heated_surface.face.axis();
         let depth = match self.effective_depth {
-            Some(depth) => positive("effective_depth", depth)?,
+            Some(depth) => check_positive("effective_depth", depth, "m")?,
             None if grid.is_thickness(axis) => grid.spacing[axis],
-            None => return Err(SourceError::EffectiveDepth),
+            None => {
+                let message = "a surface source on a 3D body needs `effective_depth`";
+                return Err(SetupError::value(
+                    "effective_depth",
+                    message,
+                    "the depth it heats, m",
+                ));
+            }
         };
         Ok(PowerDensity::Beam(Beam {
             // exp(-r²/2 sigma²) = exp(-3 r²/c²)
-            footprint: Footprint::round(6_f64.sqrt() * positive("sigma", self.sigma)?),
+            footprint: Footprint::round(6_f64.sqrt() * check_positive("sigma", self.sigma, "m")?),
             depth: DepthProfile::Uniform { depth },
             plate_depth: Some(depth),
             sampled: self.sampled.clone(),

@@ -1,11 +1,11 @@
 //! The body that a source heats, as a lattice of cells with or without a material point.
 
 use nalgebra::Vector3;
-use perimelt_core::Face;
+use perimelt_core::{Face, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SourceError;
+use super::no_direction;
 
 /// A lattice of box-shaped cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,15 +79,15 @@ pub struct HeatedSurface {
 
 impl HeatedSurface {
     /// Unit vector along the axis of the torch, where it is given.
-    pub(super) fn axis(&self, body: &CellGrid) -> Result<Option<Vector3<f64>>, SourceError> {
+    pub(super) fn axis(&self, body: &CellGrid) -> Result<Option<Vector3<f64>>, SetupError> {
         let Some(direction) = self.direction else {
             return Ok(None);
         };
         let axis = Vector3::from(direction).try_normalize(0.0);
         match axis.filter(|a| a.iter().all(|c| c.is_finite())) {
-            Some(_) if body.plate => Err(SourceError::Direction("a plate (2D)")),
+            Some(_) if body.plate => Err(no_direction("a plate (2D)")),
             Some(axis) => Ok(Some(axis)),
-            None => Err(SourceError::Direction("a direction of no length")),
+            None => Err(no_direction("a direction of length zero")),
         }
     }
 }

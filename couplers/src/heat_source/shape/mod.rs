@@ -82,7 +82,7 @@ pub trait SourceShape: std::fmt::Debug {
     ///
     /// # Errors
     /// Keys without a meaning.
-    fn power_density(&self, grid: &CellGrid) -> Result<PowerDensity, SourceError>;
+    fn power_density(&self, grid: &CellGrid) -> Result<PowerDensity, SetupError>;
 }
 
 /// A power density that a [`Depositor`] adds to the points of a body.
@@ -180,116 +180,25 @@ pub enum Sampling {
     Point,
 }
 
-/// What can be wrong with a heat source.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum SourceError {
-    /// A length, time or other number that must be greater than zero is not.
-    #[error("`{key}` of the heat source must be a finite number greater than zero, but is {value}")]
-    NotPositive {
-        /// Key in the case file.
-        key: &'static str,
-        /// Value found.
-        value: f64,
-    },
-    /// Values at cell centres were asked for on a body without a lattice.
-    #[error(
-        "`sampling = \"point\"` needs the cells of a lattice, of a body with `spacing`; leave it out on this body"
-    )]
-    PointSampling,
-    /// A number outside its range.
-    #[error("`{key}` of the heat source must lie between {low} and {high}, but is {value}")]
-    OutOfRange {
-        /// Key in the case file.
-        key: &'static str,
-        /// Value found.
-        value: f64,
-        /// Least allowed value.
-        low: f64,
-        /// Greatest allowed value.
-        high: f64,
-    },
-    /// One fraction of a double ellipsoid is given and does not fit the other.
-    #[error(
-        "`front_fraction` and `rear_fraction` must add up to 2, but are {front} and {rear}; \
-         leave one or both out to have them computed"
-    )]
-    Fractions {
-        /// Front fraction.
-        front: f64,
-        /// Rear fraction.
-        rear: f64,
-    },
-    /// A density that is negative or no number.
-    #[error(
-        "the density of the heat source is {value} at x, y, z = {at:?} m from its centre, expected a number, zero or greater"
-    )]
-    Density {
-        /// Value found.
-        value: f64,
-        /// Where, m.
-        at: [f64; 3],
-    },
-    /// A density without a value above zero.
-    #[error(
-        "the density of the heat source is zero everywhere within its reach; check the units of its lengths (metre)"
-    )]
-    NoDensity,
-    /// A surface source on a body that is not a plate.
-    #[error("a surface source on a 3D body needs `effective_depth`, the depth it heats [m]")]
-    EffectiveDepth,
-    /// A torch's axis that cannot be.
-    #[error(
-        "`heated_surface.direction` is given for {0}; it needs a 3D body, a source with a depth and a length above 0"
-    )]
-    Direction(&'static str),
-    /// A source that covers more cells than can be held.
-    #[error(
-        "the heat source spans {cells:.1e} cells of the lattice, more than {limit:.0e}; \
-         check the unit of `{key}` (metre)"
-    )]
-    TooWide {
-        /// Key in the case file.
-        key: &'static str,
-        /// Cells in its cross-section.
-        cells: f64,
-        /// Most that are allowed.
-        limit: f64,
-    },
+/// `heated_surface.direction` is given for something that does not have a torch.
+fn no_direction(of: &str) -> SetupError {
+    let message = format!("`heated_surface.direction` is given for {of}");
+    let expected = "a 3D body, a source with a depth and a length above 0";
+    SetupError::value("heated_surface.direction", message, expected)
 }
 
-impl SourceError {
-    /// The case-file key at fault, for pointing at its line.
-    pub fn key(&self) -> &'static str {
-        match self {
-            Self::NotPositive { key, .. }
-            | Self::OutOfRange { key, .. }
-            | Self::TooWide { key, .. } => key,
-            Self::Fractions { .. } => "front_fraction",
-            Self::Density { .. } | Self::NoDensity => "profile",
-            Self::EffectiveDepth => "effective_depth",
-            Self::Direction(_) => "heated_surface.direction",
-            Self::PointSampling => "sampling",
-        }
+/// Refuses a source that spans too many cells or samples of the lattice.
+fn check_cells(key: &str, cells: f64, limit: f64) -> Result<(), SetupError> {
+    if cells <= limit {
+        return Ok(());
     }
-}
-
-fn positive(key: &'static str, value: f64) -> Result<f64, SourceError> {
-    if value.is_finite() && value > 0.0 {
-        return Ok(value);
-    }
-    Err(SourceError::NotPositive { key, value })
-}
-
-fn within(key: &'static str, value: f64, low: f64, high: f64) -> Result<f64, SourceError> {
-    if (low..=high).contains(&value) {
-        return Ok(value);
-    }
-    Err(SourceError::OutOfRange {
+    let message =
+        format!("the heat source spans {cells:.1e} cells of the lattice, more than {limit:.0e}");
+    Err(SetupError::value(
         key,
-        value,
-        low,
-        high,
-    })
+        message,
+        format!("a smaller `{key}`, m"),
+    ))
 }
 
 /// Default of an efficiency: all power enters the body.

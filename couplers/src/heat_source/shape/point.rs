@@ -7,14 +7,15 @@
 //!
 //! Not for temperatures within a horizon of the source: the peak depends on the phase of the hop.
 
+use perimelt_core::SetupError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use nalgebra::Vector3;
 
 use super::{
-    CellGrid, Cells, Deposit, HeatedBody, HeatedSurface, PowerDensity, SourceError, SourceShape,
-    default_efficiency,
+    CellGrid, Cells, Deposit, HeatedBody, HeatedSurface, PowerDensity, SourceShape,
+    default_efficiency, no_direction,
 };
 use crate::toolpath::Pose;
 
@@ -67,9 +68,9 @@ impl SourceShape for Point {
         self.heated_surface
     }
 
-    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SourceError> {
+    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SetupError> {
         if self.heated_surface.direction.is_some() {
-            return Err(SourceError::Direction("a point source"));
+            return Err(no_direction("a point source"));
         }
         Ok(PowerDensity::Point(self.clone()))
     }

@@ -8,11 +8,13 @@
 //!
 //! Averages over a cell and a step are exact. Power that passes through the body is reported as `lost`.
 
+use perimelt_core::SetupError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::heated_body::depth_range;
-use super::{Cells, Deposit, HeatedBody, HeatedSurface, SourceError, positive, within};
+use super::{Cells, Deposit, HeatedBody, HeatedSurface, no_direction};
+use perimelt_core::numbers::{check_at_least, check_finite, check_fraction, check_positive};
 
 /// An exponentially absorbed laser pulse on a whole face.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -56,17 +58,17 @@ impl PulsedLaser {
     /// Checks all keys.
     ///
     /// # Errors
-    /// [`SourceError`], naming the key at fault.
-    pub fn validate(&self) -> Result<(), SourceError> {
-        within("fluence", self.fluence, 0.0, f64::MAX)?;
-        within("reflectivity", self.reflectivity, 0.0, 1.0)?;
-        positive("pulse_duration", self.pulse_duration)?;
-        positive("absorption_depth", self.absorption_depth)?;
-        within("peak_time", self.peak_time(), f64::MIN, f64::MAX)?;
-        positive("decay", self.decay)?;
-        positive("height", self.height)?;
+    /// [`SetupError`] with the key to blame.
+    pub fn validate(&self) -> Result<(), SetupError> {
+        check_at_least("fluence", self.fluence, 0.0, "J/m²")?;
+        check_fraction("reflectivity", self.reflectivity)?;
+        check_positive("pulse_duration", self.pulse_duration, "s")?;
+        check_positive("absorption_depth", self.absorption_depth, "m")?;
+        check_finite("peak_time", self.peak_time())?;
+        check_positive("decay", self.decay, "")?;
+        check_positive("height", self.height, "m")?;
         match self.heated_surface.direction {
-            Some(_) => Err(SourceError::Direction("a pulse on a whole face")),
+            Some(_) => Err(no_direction("a pulse on a whole face")),
             None => Ok(()),
         }
     }
@@ -262,7 +264,7 @@ mod tests {
             ..film_laser("x-")
         };
         assert_eq!(
-            laser.validate().expect_err("too bright").key(),
+            laser.validate().expect_err("too bright").key,
             "reflectivity"
         );
     }

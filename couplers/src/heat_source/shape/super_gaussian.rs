@@ -8,9 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{
-    CellGrid, CellSampling, HeatedSurface, PowerDensity, SourceError, SourceShape, positive, within,
-};
+use super::{CellGrid, CellSampling, HeatedSurface, PowerDensity, SourceShape};
+use perimelt_core::numbers::{check_fraction, check_positive, check_within};
 
 /// Wavelengths at which absorptivities of materials hold, m: fibre, disc, Nd:YAG and diode lasers.
 const TABULATED: std::ops::RangeInclusive<f64> = 0.8e-6..=1.2e-6;
@@ -114,14 +113,14 @@ impl SourceShape for SuperGaussian {
         Ok(())
     }
 
-    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SourceError> {
-        within("absorptivity", self.absorptivity.unwrap_or(1.0), 0.0, 1.0)?;
+    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SetupError> {
+        check_fraction("absorptivity", self.absorptivity.unwrap_or(1.0))?;
         if let Some(wavelength) = self.wavelength {
-            positive("wavelength", wavelength)?;
+            check_positive("wavelength", wavelength, "m")?;
         }
-        let radius = positive("radius", self.radius)?;
-        let order = within("order", self.order, 1.0, 50.0)?;
-        let length = positive("penetration_depth", self.penetration_depth)?;
+        let radius = check_positive("radius", self.radius, "m")?;
+        let order = check_within("order", self.order, 1.0, 50.0)?;
+        let length = check_positive("penetration_depth", self.penetration_depth, "m")?;
         Ok(PowerDensity::Beam(Beam {
             footprint: Footprint::super_gaussian(radius, order),
             depth: match self.penetration {

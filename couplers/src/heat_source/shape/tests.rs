@@ -380,7 +380,7 @@ fn mistakes_name_the_key() {
     ];
     for (toml, key) in cases {
         let error = Depositor::new(&*shape(&toml), &block.grid).expect_err(&toml);
-        assert_eq!(error.key(), key, "{error}");
+        assert_eq!(error.key, key, "{error}");
     }
     assert!(toml::from_str::<Gaussian>("sigma = 1\nsgima = 2").is_err());
 }

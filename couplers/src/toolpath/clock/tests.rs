@@ -112,7 +112,7 @@ fn what_happens_at_the_beginning_of_a_pass_has_not_happened_while_it_waits() {
 #[test]
 fn conditions_that_cannot_be_measured_are_refused() {
     for (wait, message) in [
-        ("temperature = -3", "`wait_until.temperature` is -3 K"),
+        ("temperature = -3", "`wait_until.temperature` is -3"),
         (
             "temperature = 400, region = 'right'",
             "no region is called `right`",

@@ -147,7 +147,7 @@ impl<'a> Machine<'a> {
             Some((purpose, _)) => purpose,
             None if machine_place => {
                 if self.motion.is_some_and(|m| m != MotionCode::Rapid) {
-                    let message = "`G53` moves to a place of the machine, which the case does not know, expected it with G0";
+                    let message = "`G53` moves in machine coordinates, which the case does not know, expected a rapid move (G0)";
                     return Err(message.into());
                 }
                 Purpose::Skipped
@@ -184,7 +184,7 @@ impl<'a> Machine<'a> {
                 more => format!(" and in {more} more lines"),
             };
             self.track.warn(format!(
-                "`{code}` in line {line}{more} of the program is skipped; the path goes on from the place before it"
+                "`{code}` in line {line}{more} of the program is skipped; the path continues from the position before it"
             ));
         }
         self.track.finish()
@@ -284,7 +284,7 @@ impl<'a> Machine<'a> {
         };
         match time.filter(|t| *t >= 0.0) {
             Some(time) => self.track.dwell(time, self.power()?),
-            None => return Err("a rest `G4` needs its time `P`, zero or above".into()),
+            None => return Err("a dwell `G4` needs its time `P`, zero or above".into()),
         }
         Ok(())
     }
@@ -330,7 +330,7 @@ impl<'a> Machine<'a> {
             return Ok(());
         }
         let Some(motion) = self.motion else {
-            return Err("a place comes before the first of G0, G1, G2 and G3".into());
+            return Err("coordinates come before the first G0, G1, G2 or G3".into());
         };
         if arc_words && !motion.is_arc() {
             let of_block = if is_named { "of the block" } else { "in force" };
@@ -426,13 +426,12 @@ impl<'a> Machine<'a> {
     }
 }
 
-const SUBPROGRAM: &str =
-    "calls or names a subprogram, which is not followed, expected a program without subprograms";
+const SUBPROGRAM: &str = "belongs to a subprogram; subprograms are not supported";
 
 fn two_codes(block: &Block) -> String {
     let codes: Vec<_> = block.general.iter().map(|c| format!("`G{c}`")).collect();
     format!(
-        "{} in one block need places or words of their own, expected one of them in a block",
+        "{} in one block each need coordinates or words of their own, expected one of them in a block",
         codes.join(", ")
     )
 }

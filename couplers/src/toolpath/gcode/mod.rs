@@ -42,7 +42,9 @@ use block::Block;
 use line::{Code, Line};
 use machine::{Machine, Skip};
 
-use super::{ToolpathError, Track, WaitUntil, finite, not_negative, place, positive};
+use super::{Track, WaitUntil, place};
+use perimelt_core::SetupError;
+use perimelt_core::numbers::{check_at_least, check_finite, check_positive};
 
 /// Moves and power from a program in G-code, the dialect RS-274 of NIST. Codes of printers and slicers that do not change the path
 /// are skipped; what would change the path and is not supported is refused with its line.
@@ -125,73 +127,33 @@ fn off_codes() -> Vec<u32> {
     vec![5]
 }
 
-/// What can be wrong with a program.
-#[derive(Debug, thiserror::Error)]
-pub enum GcodeError {
-    /// The file cannot be read.
-    #[error("cannot read the program {}: {source}", path.display())]
-    Open {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: perimelt_core::input::InputError,
-    },
-    /// A line that is no G-code, or that this toolpath cannot follow.
-    #[error("line {line} of the program {}: {message}", path.display())]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// Line in the file, counted from 1.
-        line: usize,
-        /// What is wrong, and what was expected.
-        message: String,
-    },
-    /// Both a file and a program are given, or neither.
-    #[error("G-code needs either `file` or `program`")]
-    Source,
-    /// An entry of `skip` that is no code, or one that the path needs.
-    #[error(
-        "`skip` has \"{entry}\", expected codes such as \"G28\" that are no moves, units or places"
-    )]
-    Skip {
-        /// The entry.
-        entry: String,
-    },
-    /// The program moves nowhere.
-    #[error("the program {} has no move", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
-}
-
-impl GcodeError {
-    /// The case-file key at fault.
-    pub(super) fn key(&self) -> &'static str {
-        match self {
-            Self::Skip { .. } => "skip",
-            _ => "file",
-        }
-    }
-}
-
 impl Gcode {
     pub(super) fn track(
         &self,
         default_power: Option<f64>,
         base_dir: &Path,
-    ) -> Result<Track, ToolpathError> {
+    ) -> Result<Track, SetupError> {
         let file = match (&self.file, &self.program) {
             (Some(file), None) => file,
             (None, Some(program)) => {
                 return self.read(program, Path::new("of the case"), default_power);
             }
-            _ => return Err(GcodeError::Source.into()),
+            _ => {
+                let message = "G-code comes from a file or is part of the case";
+                return Err(SetupError::value(
+                    "file",
+                    message,
+                    "either `file` or `program`",
+                ));
+            }
         };
         let path = base_dir.join(file);
         match perimelt_core::input::read_text(&path, perimelt_core::input::LIMIT) {
             Ok(text) => self.read(&text, &path, default_power),
-            Err(source) => Err(GcodeError::Open { path, source }.into()),
+            Err(source) => {
+                let message = format!("cannot read the program {}: {source}", path.display());
+                Err(SetupError::other("file", message))
+            }
         }
     }
 
@@ -200,18 +162,20 @@ impl Gcode {
         text: &str,
         path: &Path,
         default_power: Option<f64>,
-    ) -> Result<Track, ToolpathError> {
+    ) -> Result<Track, SetupError> {
         let at_line = |line: usize| {
-            move |message: String| GcodeError::Line {
-                path: path.into(),
-                line,
-                message,
+            move |message: String| {
+                let path = path.display();
+                SetupError::other(
+                    "file",
+                    format!("line {line} of the program {path}: {message}"),
+                )
             }
         };
         let start = place("origin", self.origin)?;
-        positive("rapid_speed", self.rapid_speed)?;
-        not_negative("power_per_s", self.power_per_s)?;
-        let time = finite("start_time", self.start_time)?;
+        check_positive("rapid_speed", self.rapid_speed, "m/s")?;
+        check_at_least("power_per_s", self.power_per_s, 0.0, "W")?;
+        let time = check_finite("start_time", self.start_time)?;
         let mut machine = Machine::new(self, self.skipped()?, time, start, default_power);
         let text = text.trim_start_matches('\u{feff}');
         // whether a `%`, and whether a block came before
@@ -228,7 +192,7 @@ impl Gcode {
                 }
                 Line::Block { words, .. } if words.is_empty() => continue,
                 Line::Block { deletable, .. } if deletable && self.block_delete.is_none() => {
-                    return Err(at_line(line)(DELETABLE.into()).into());
+                    return Err(at_line(line)(DELETABLE.into()));
                 }
                 Line::Block { words, .. } => words,
             };
@@ -244,19 +208,23 @@ impl Gcode {
                 break;
             }
         }
-        let empty = || GcodeError::Empty { path: path.into() };
-        Ok(machine.finish().ok_or_else(empty)?)
+        let empty = || {
+            let message = format!("the program {} has no move", path.display());
+            SetupError::other("file", message)
+        };
+        machine.finish().ok_or_else(empty)
     }
 
     /// The codes of `skip`.
-    fn skipped(&self) -> Result<Skip, GcodeError> {
+    fn skipped(&self) -> Result<Skip, SetupError> {
         let mut skip = Skip {
             general: Vec::new(),
             switches: Vec::new(),
         };
         for entry in &self.skip {
-            let wrong = || GcodeError::Skip {
-                entry: entry.clone(),
+            let wrong = || {
+                let expected = "codes such as \"G28\" that set no motion, units or coordinates";
+                SetupError::value("skip", format!("`skip` has \"{entry}\""), expected)
             };
             let mut letters = entry.trim().chars();
             let letter = letters.next().map(|c| c.to_ascii_uppercase());

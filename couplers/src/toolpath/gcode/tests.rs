@@ -97,7 +97,7 @@ fn the_line_of_a_mistake_is_told() {
         ),
         (
             "X1 F100",
-            "line 1 of the program part.gcode: a place comes before",
+            "line 1 of the program part.gcode: coordinates come before",
         ),
         (
             "G21\nG5 X1 F100",
@@ -128,7 +128,7 @@ fn the_line_of_a_mistake_is_told() {
             "line 2 of the program part.gcode: `G92`, `G1` in one block",
         ),
         ("G4 P1 G1 X1 F100", "`G4`, `G1` in one block"),
-        ("G1 F100 G53 X1", "`G53` moves to a place of the machine"),
+        ("G1 F100 G53 X1", "`G53` moves in machine coordinates"),
         (
             "G54\nG1 X1 F100\nG55",
             "line 3 of the program part.gcode: `G55` chooses another work offset",
@@ -300,15 +300,15 @@ fn subprograms_are_refused() {
     for (text, message) in [
         (
             "M3\nG1 X1 F100\nM98 P1",
-            "line 3 of the program part.gcode: `M98` calls or names a subprogram",
+            "line 3 of the program part.gcode: `M98` belongs to a subprogram",
         ),
-        ("M3\nG1 X1 F100\nM99", "`M99` calls"),
-        ("M3\nG1 X1 F100\nM97 P10", "`M97` calls"),
+        ("M3\nG1 X1 F100\nM99", "`M99` belongs"),
+        ("M3\nG1 X1 F100\nM97 P10", "`M97` belongs"),
         (
             "M3\nG1 X1 F100\nO1\nG1 X2",
-            "line 3 of the program part.gcode: `O` calls or names",
+            "line 3 of the program part.gcode: `O` belongs",
         ),
-        ("O100 G1 X1 F100", "`O` calls or names"),
+        ("O100 G1 X1 F100", "`O` belongs"),
         ("G65 P1\nG1 X1 F100", "`G65` is not supported"),
         ("O100 sub", "`sub` is not understood"),
     ] {

@@ -7,7 +7,8 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use crate::toolpath::ToolpathError;
+use crate::toolpath::no_power;
+use perimelt_core::SetupError;
 
 /// Quantity of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -193,12 +194,12 @@ impl Layout {
         content: &str,
         path: &'a Path,
         as_factor: bool,
-    ) -> Result<Numbers<'a>, ToolpathError> {
-        let wrong = |line: u64, problem: String| ToolpathError::TableLine {
-            path: path.into(),
-            line,
-            problem,
-            columns: self.header.into(),
+    ) -> Result<Numbers<'a>, SetupError> {
+        let wrong = |line: u64, problem: String| {
+            let line = in_file(line, path);
+            let message = format!("{line} cannot be read: {problem}");
+            let expected = format!("the columns `{}`", self.header);
+            SetupError::value("file", message, expected)
         };
         let mut columns: Option<Vec<Column>> = None;
         let mut announced: Option<(usize, u64)> = None;
@@ -289,9 +290,18 @@ impl Layout {
     }
 }
 
+fn in_file(line: u64, path: &Path) -> String {
+    format!("line {line} of the toolpath table {}", path.display())
+}
+
 impl Numbers<'_> {
+    /// A row in messages.
+    pub fn line(&self, row: &TableRow) -> String {
+        in_file(row.line, self.path)
+    }
+
     /// The value of a quantity in a row, SI units; `None` where the row has none.
-    pub fn get(&self, row: &TableRow, quantity: Quantity) -> Result<Option<f64>, ToolpathError> {
+    pub fn get(&self, row: &TableRow, quantity: Quantity) -> Result<Option<f64>, SetupError> {
         let at = self.columns.iter().position(|c| c.quantity == quantity);
         let value = at.and_then(|at| row.values.get(at).copied().flatten());
         match value {
@@ -303,15 +313,13 @@ impl Numbers<'_> {
     }
 
     /// The value of a quantity that every row has.
-    pub fn need(&self, row: &TableRow, quantity: Quantity) -> Result<f64, ToolpathError> {
+    pub fn need(&self, row: &TableRow, quantity: Quantity) -> Result<f64, SetupError> {
         Ok(self.get(row, quantity)?.unwrap_or(0.0))
     }
 
     /// Power in a row, W: as given, as a factor of that of the source (`usual`), or that of the source.
-    pub fn power(&self, row: &TableRow, usual: Option<f64>) -> Result<f64, ToolpathError> {
-        let no_power = || ToolpathError::NoPower {
-            key: "power".into(),
-        };
+    pub fn power(&self, row: &TableRow, usual: Option<f64>) -> Result<f64, SetupError> {
+        let no_power = || no_power("power");
         let given = self.get(row, Power)?;
         let factor = self.get(row, Factor)?;
         let positive = |quantity, value: f64| match value >= 0.0 {
@@ -326,7 +334,7 @@ impl Numbers<'_> {
     }
 
     /// The place in a row, m.
-    pub fn place(&self, row: &TableRow) -> Result<Vector3<f64>, ToolpathError> {
+    pub fn place(&self, row: &TableRow) -> Result<Vector3<f64>, SetupError> {
         Ok([self.need(row, X)?, self.need(row, Y)?, self.need(row, Z)?].into())
     }
 
@@ -336,8 +344,8 @@ impl Numbers<'_> {
         row: &TableRow,
         quantity: Quantity,
         value: f64,
-        expected: &'static str,
-    ) -> ToolpathError {
+        expected: &str,
+    ) -> SetupError {
         let column = match quantity {
             Time => "time",
             X => "x",
@@ -350,21 +358,15 @@ impl Numbers<'_> {
             Trigger => "trigger",
             Wait => "wait",
         };
-        ToolpathError::TableValue {
-            path: self.path.into(),
-            line: row.line,
-            column,
-            value,
-            expected,
-        }
+        let message = format!("{}: `{column}` is {value}", self.line(row));
+        SetupError::value("file", message, expected)
     }
 
     /// A file with fewer rows than a path needs.
-    pub fn too_short(&self) -> ToolpathError {
-        ToolpathError::TableShort {
-            path: self.path.into(),
-            rows: self.rows.len(),
-        }
+    pub fn too_short(&self) -> SetupError {
+        let (path, rows) = (self.path.display(), self.rows.len());
+        let message = format!("the toolpath table {path} has {rows} rows");
+        SetupError::value("file", message, "two rows or more")
     }
 
     /// The file.

@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ToolpathError, Track, WaitUntil, finite, positive};
+use super::{Track, WaitUntil};
+use perimelt_core::SetupError;
+use perimelt_core::numbers::{check_finite, check_positive};
 use timed::Between;
 
 /// Interval of the commands of the scanners of AM-Bench, s.
@@ -89,17 +91,23 @@ impl Table {
         &self,
         default_power: Option<f64>,
         base_dir: &Path,
-    ) -> Result<Track, ToolpathError> {
+    ) -> Result<Track, SetupError> {
         self.check_keys()?;
         let path = base_dir.join(&self.file);
         let content = match perimelt_core::input::read_text(&path, perimelt_core::input::LIMIT) {
             Ok(content) => content,
-            Err(source) => return Err(ToolpathError::TableOpen { path, source }),
+            Err(source) => {
+                let message = format!(
+                    "cannot read the toolpath table {}: {source}",
+                    path.display()
+                );
+                return Err(SetupError::other("file", message));
+            }
         };
         self.read(&content, &path, default_power)
     }
 
-    fn read(&self, content: &str, path: &Path, power: Option<f64>) -> Result<Track, ToolpathError> {
+    fn read(&self, content: &str, path: &Path, power: Option<f64>) -> Result<Track, SetupError> {
         let layout = match self.format {
             TableFormat::Csv => &timed::CSV,
             TableFormat::Events => &timed::EVENTS,
@@ -117,15 +125,16 @@ impl Table {
                 scan_path::segments(&numbers, power)
             }
             TableFormat::Xypt => {
-                let step = positive("time_step", self.time_step.unwrap_or(SCANNER_STEP))?;
-                let z = finite("z", self.z.unwrap_or(0.0))?;
+                let step =
+                    check_positive("time_step", self.time_step.unwrap_or(SCANNER_STEP), "s")?;
+                let z = check_finite("z", self.z.unwrap_or(0.0))?;
                 scan_path::scanner(&numbers, power, step, z)
             }
         }
     }
 
     /// Refuses keys of other formats.
-    fn check_keys(&self) -> Result<(), ToolpathError> {
+    fn check_keys(&self) -> Result<(), SetupError> {
         let (csv, xypt) = (TableFormat::Csv, TableFormat::Xypt);
         for (key, is_given, format, name) in [
             ("wait_until", self.wait_until.is_some(), csv, "csv"),
@@ -139,7 +148,8 @@ impl Table {
             ("z", self.z.is_some(), xypt, "xypt"),
         ] {
             if is_given && self.format != format {
-                return Err(ToolpathError::TableKey { key, format: name });
+                let message = format!("`{key}` belongs to `format = \"{name}\"`");
+                return Err(SetupError::value(key, message, format!("no `{key}`")));
             }
         }
         Ok(())

@@ -10,8 +10,9 @@
 use nalgebra::Vector3;
 
 use super::columns::{Layout, Numbers, Quantity};
+use crate::toolpath::Track;
 use crate::toolpath::track::TrackBuilder;
-use crate::toolpath::{ToolpathError, Track};
+use perimelt_core::SetupError;
 
 use Quantity::{Mode, Parameter, Trigger, X, Y, Z};
 
@@ -47,7 +48,7 @@ pub(super) static XYPT: Layout = Layout {
 };
 
 /// Moves and rests.
-pub(super) fn segments(numbers: &Numbers<'_>, power: Option<f64>) -> Result<Track, ToolpathError> {
+pub(super) fn segments(numbers: &Numbers<'_>, power: Option<f64>) -> Result<Track, SetupError> {
     let mut track: Option<TrackBuilder> = None;
     for row in &numbers.rows {
         let place = numbers.place(row)?;
@@ -73,7 +74,7 @@ pub(super) fn segments(numbers: &Numbers<'_>, power: Option<f64>) -> Result<Trac
             track.glide(place, 0.0, [power; 2]);
             track.dwell(parameter, power);
         } else {
-            return Err(numbers.wrong(row, Mode, mode, "0 (a move) or 1 (a rest)"));
+            return Err(numbers.wrong(row, Mode, mode, "0 (a move) or 1 (a dwell)"));
         }
     }
     track
@@ -87,7 +88,7 @@ pub(super) fn scanner(
     power: Option<f64>,
     time_step: f64,
     z: f64,
-) -> Result<Track, ToolpathError> {
+) -> Result<Track, SetupError> {
     let mut track: Option<(TrackBuilder, f64)> = None;
     for row in &numbers.rows {
         let mut place = numbers.place(row)?;

@@ -329,6 +329,6 @@ fn a_table_has_a_format() {
         ("file = 'path.txt', format = 'additivefoam', z = 1", "z"),
         ("file = 'path.csv', power_as = 'factor'", "power_as"),
     ] {
-        assert_eq!(track(keys).expect_err("wrong").key(), key);
+        assert_eq!(track(keys).expect_err("wrong").key, key);
     }
 }

@@ -1,8 +1,9 @@
 //! Tables of places and powers in time: `csv` with linear powers between rows, `events` with powers that hold until the next row.
 
-use super::columns::{Layout, Numbers, Quantity, TableRow};
+use super::columns::{Layout, Numbers, Quantity};
 use crate::toolpath::track::TrackBuilder;
-use crate::toolpath::{ToolpathError, Track, WaitUntil};
+use crate::toolpath::{Track, WaitUntil};
+use perimelt_core::SetupError;
 
 use Quantity::{Time, Wait, X, Y, Z};
 
@@ -39,7 +40,7 @@ pub(super) fn timed(
     power: Option<f64>,
     wait: Option<&WaitUntil>,
     between: Between,
-) -> Result<Track, ToolpathError> {
+) -> Result<Track, SetupError> {
     let mut track: Option<TrackBuilder> = None;
     let mut last: Option<(f64, f64)> = None;
     let mut ramps = Ramps::default();
@@ -50,7 +51,13 @@ pub(super) fn timed(
         let track = track.get_or_insert_with(|| TrackBuilder::new(time, place));
         if let Some((before, power_before)) = last {
             if time < before {
-                return Err(not_in_order(numbers, row, time, before));
+                let line = numbers.line(row);
+                let message = format!("{line}: time {time} s comes after {before} s");
+                return Err(SetupError::value(
+                    "file",
+                    message,
+                    "times that do not decrease",
+                ));
             }
             let is_move = track.position() != place;
             ramps.add([power_before, power], time > before && is_move);
@@ -63,10 +70,12 @@ pub(super) fn timed(
         last = Some((time, power));
         if numbers.get(row, Wait)?.is_some_and(|w| w > 0.0) {
             if wait.is_none() {
-                return Err(ToolpathError::TableWait {
-                    path: numbers.path().into(),
-                    line: row.line,
-                });
+                let message = format!("{} has a `wait`", numbers.line(row));
+                return Err(SetupError::value(
+                    "file",
+                    message,
+                    "`wait_until` in the toolpath",
+                ));
             }
             track.begin_pass(wait);
         }
@@ -88,15 +97,6 @@ pub(super) fn timed(
     track
         .and_then(TrackBuilder::finish)
         .ok_or_else(|| numbers.too_short())
-}
-
-fn not_in_order(numbers: &Numbers<'_>, row: &TableRow, time: f64, previous: f64) -> ToolpathError {
-    ToolpathError::TableTime {
-        path: numbers.path().into(),
-        line: row.line,
-        time,
-        previous,
-    }
 }
 
 /// Ramps of the power, by which a table with linear powers resembles one whose powers hold until the next row.
