@@ -12,6 +12,7 @@
 
 #![cfg_attr(not(test), warn(unused_crate_dependencies))]
 mod advection;
+mod dependent_keys;
 pub mod fluid;
 pub mod mechanical;
 pub mod metallurgy;

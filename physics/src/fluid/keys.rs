@@ -1,6 +1,7 @@
 //! The `[[physics]]` table of a fluid. Keys that are left out and have no default here belong to some fluids only
 //! ([`FluidKeys`](super::kinds::FluidKeys)).
 
+use perimelt_core::numbers::check_at_least;
 use perimelt_core::{Body, Description, Horizon, Influence, PartialVolume, SetupError, StepSize};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -177,18 +178,14 @@ impl Fluid {
             ("volume_relaxation", self.volume_relaxation),
             ("xsph", self.xsph),
             ("artificial_viscosity", Some(self.artificial_viscosity)),
-            ("least_distance", self.least_distance),
         ];
-        let numbers = numbers.into_iter();
-        for (key, value) in numbers.filter_map(|(key, value)| Some((key, value?))) {
-            let (end, expected) = match key {
-                "least_distance" => (1.0, "a number from 0 to below 1, such as 0.5"),
-                _ => (f64::INFINITY, "zero or above"),
-            };
-            if !(0.0..end).contains(&value) {
-                let message = format!("`{key}` is {value}");
-                return Err(SetupError::value(key, message, expected));
-            }
+        for (key, value) in numbers {
+            check_at_least(key, value, 0.0, "")?;
+        }
+        if let Some(distance) = self.least_distance.filter(|d| !(0.0..1.0).contains(d)) {
+            let message = format!("`least_distance` is {distance}");
+            let expected = "a number from 0 to below 1, such as 0.5";
+            return Err(SetupError::value("least_distance", message, expected));
         }
         self.collisions.map_or(Ok(()), |c| c.check())
     }

@@ -1,13 +1,12 @@
 //! Which keys belong to which fluid.
 //!
-//! The table of a fluid ([`Fluid`]) lists all keys side by side. [`Fluid::take_keys`] takes those that its description and form
-//! have out of it. A key that is left although another fluid would take it is refused; the message says which description or
-//! form takes it.
+//! The table of a fluid ([`Fluid`]) lists all keys side by side; its description and form decide which of them it has
+//! ([`take_keys`]).
 
 use perimelt_core::{Description, SetupError};
-use serde_json::{Map, Value};
 
 use crate::advection::Convection;
+use crate::dependent_keys::{Choice, Part, take_keys};
 
 use super::keys::{Fluid, Form, Stress, Surface};
 use super::lagrangian::collision::Collisions;
@@ -126,13 +125,13 @@ impl FluidKeys {
 
 /// The keys that decide which others a fluid has.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Choice {
+struct FluidChoice {
     description: Description,
     form: Form,
 }
 
-impl Choice {
-    fn all() -> impl Iterator<Item = Choice> {
+impl Choice for FluidChoice {
+    fn all() -> impl Iterator<Item = FluidChoice> {
         let descriptions = [
             Description::UpdatedLagrangian,
             Description::TotalLagrangian,
@@ -140,88 +139,29 @@ impl Choice {
             Description::ArbitraryLagrangianEulerian,
         ];
         let forms = [Form::Differences, Form::Conservative];
-        let with = move |description| forms.map(|form| Choice { description, form });
+        let with = move |description| forms.map(|form| FluidChoice { description, form });
         descriptions.into_iter().flat_map(with)
     }
 
-    fn description(self) -> String {
-        written("description", &value(&self.description))
-    }
-
-    fn form(self) -> String {
-        written("form", &value(&self.form))
-    }
-
-    /// The least change of this choice to one that `fits`, as it is written.
-    fn change_to(self, fits: impl Fn(Choice) -> bool) -> String {
-        let fitting: Vec<Choice> = Choice::all().filter(|c| fits(*c)).collect();
-        let same_form = fitting.iter().filter(|c| c.form == self.form);
-        let same_points = fitting.iter().filter(|c| c.description == self.description);
-        let mut changes: Vec<String> = same_points.map(|c| c.form()).collect();
-        changes.extend(same_form.map(|c| c.description()));
-        if changes.is_empty() {
-            let both = |c: &Choice| format!("{} with {}", c.description(), c.form());
-            changes = fitting.iter().map(both).collect();
-        }
-        match changes.split_last() {
-            Some((last, others)) if !others.is_empty() => {
-                format!("{} or {last}", others.join(", "))
-            }
-            _ => changes.concat(),
-        }
+    fn parts(self) -> Vec<Part> {
+        vec![
+            Part::key("description", &self.description),
+            Part::key("form", &self.form),
+        ]
     }
 }
 
 impl Fluid {
     /// Takes the keys of this description and form out of the table, and refuses those that belong to others.
-    pub(super) fn take_keys(&mut self) -> Result<FluidKeys, SetupError> {
-        let choice = Choice {
+    pub(super) fn take_keys(&self) -> Result<FluidKeys, SetupError> {
+        let choice = FluidChoice {
             description: self.description,
             form: self.form,
         };
-        let before = self.clone();
-        let Some(keys) = self.take(choice) else {
-            let message = format!(
-                "{} does not work with {}",
-                choice.description(),
-                choice.form()
-            );
-            let is_built = |c| before.clone().take(c).is_some();
-            let expected = choice.change_to(is_built);
-            return Err(SetupError::value("description", message, expected));
-        };
-        let takes = |c, key: &String| {
-            let mut rest = before.clone();
-            rest.take(c).is_some() && !rest.given().contains_key(key)
-        };
-        let left = self.given();
-        let misfit = left
-            .iter()
-            .find(|(key, _)| Choice::all().any(|c| takes(c, key)));
-        let Some((key, value)) = misfit else {
-            return Ok(keys);
-        };
-        let message = format!(
-            "{} does not work with {} and {}",
-            written(key, value),
-            choice.description(),
-            choice.form()
-        );
-        let change = choice.change_to(|c| takes(c, key));
-        let expected = format!("{change}, or leave `{key}` out");
-        Err(SetupError::value(key, message, expected))
+        take_keys(self, choice, Fluid::take)
     }
 
-    /// The keys that are given, with their values.
-    fn given(&self) -> Map<String, Value> {
-        match value(self) {
-            Value::Object(keys) => keys,
-            _ => Map::new(),
-        }
-    }
-
-    /// Takes the keys of a choice out of the table; `None` for one that is not built.
-    fn take(&mut self, choice: Choice) -> Option<FluidKeys> {
+    fn take(&mut self, choice: FluidChoice) -> Option<FluidKeys> {
         let points = match (choice.description, choice.form) {
             (Description::TotalLagrangian, Form::Differences) => {
                 PointKeys::Lagrangian(LagrangianKeys::Total(self.take_differences()))
@@ -291,18 +231,5 @@ impl Fluid {
             volume_relaxation: self.volume_relaxation.take().unwrap_or(1e-4),
             collisions: self.collisions.take(),
         }
-    }
-}
-
-/// A value as it stands in the table.
-fn value(of: &impl serde::Serialize) -> Value {
-    serde_json::to_value(of).unwrap_or_default()
-}
-
-/// A key as it is written: with its value where that is one of several names.
-fn written(key: &str, value: &Value) -> String {
-    match value {
-        Value::String(_) => format!("`{key} = {value}`"),
-        _ => format!("`{key}`"),
     }
 }

@@ -68,8 +68,8 @@ pub use perimelt_core::Description;
 pub use state::{State, Tait};
 
 use perimelt_core::{
-    Balance, PddoError, Physics, PhysicsReport, RunError, RunningPhysics, Setup, SetupError, Step,
-    Stepping, Work, World,
+    Balance, LoadError, PddoError, Physics, PhysicsReport, Prepared, RunError, RunningPhysics,
+    SavedState, Setup, SetupError, Step, Stepping, Work, World,
 };
 use serde::{Deserialize, Serialize};
 
@@ -88,10 +88,7 @@ impl Physics for Fluid {
         setup.publish(body, self.description)
     }
 
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningPhysics> {
         setup.stepping(Stepping {
             step: self.step,
             ..Stepping::default()
@@ -166,11 +163,7 @@ impl RunningPhysics for FluidRun {
         })
     }
 
-    fn load(
-        &mut self,
-        world: &World,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
         let saved: SavedFluid = erased_serde::deserialize(state)?;
         self.initial_mass = saved.initial_mass;
         self.momentum = saved.momentum;

@@ -21,7 +21,7 @@ use super::treatments::Treatments;
 use super::walls::Walls;
 
 impl FluidRun {
-    pub(super) fn prepare(mut fluid: Fluid, setup: &mut Setup<'_>) -> Result<FluidRun, SetupError> {
+    pub(super) fn prepare(fluid: Fluid, setup: &mut Setup<'_>) -> Result<FluidRun, SetupError> {
         let body = setup.find_body(fluid.body.as_deref())?;
         fluid.check_numbers(setup.body(body))?;
         let keys = fluid.take_keys()?;
@@ -144,7 +144,7 @@ fn check_surfaces(
         check_closed(setup, body, faces)?;
     }
     if keys.conservative().is_some_and(|keys| keys.is_closed) {
-        let otherwise = "another `surface` than \"closed\": a fluid beyond a face is no boundary";
+        let otherwise = "another `surface` than \"closed\"";
         check_faces(setup, body, faces, otherwise)?;
     }
     Ok(())

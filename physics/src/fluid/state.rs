@@ -1,6 +1,7 @@
 //! Equation of state: the pressure of a weakly compressible fluid.
 
 use perimelt_core::SetupError;
+use perimelt_core::numbers::check_positive;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -40,18 +41,16 @@ fn seven() -> f64 {
 
 impl State {
     pub(super) fn check(&self) -> Result<(), SetupError> {
-        let (key, value) = match self {
-            State::Tait(tait) if tait.exponent.is_nan() || tait.exponent <= 0.0 => {
-                ("state.tait.exponent", tait.exponent)
+        match self {
+            State::Tait(tait) => {
+                check_positive("state.tait.exponent", tait.exponent, "")?;
+                check_positive("state.tait.sound_speed", tait.sound_speed, "m/s")?;
             }
-            State::Tait(tait) => ("state.tait.sound_speed", tait.sound_speed),
-            State::Rate { bulk_modulus } => ("state.rate.bulk_modulus", *bulk_modulus),
-        };
-        if value.is_finite() && value > 0.0 {
-            return Ok(());
+            State::Rate { bulk_modulus } => {
+                check_positive("state.rate.bulk_modulus", *bulk_modulus, "Pa")?;
+            }
         }
-        let message = format!("`{key}` is {value}");
-        Err(SetupError::value(key, message, "a positive number"))
+        Ok(())
     }
 
     /// Pressure (Pa) after the density went from `before` to `after` (kg/m³).

@@ -252,7 +252,7 @@ fn what_takes_all_points_for_material_is_refused() {
     };
     for (keys, other, key, words) in [
         ("solver = 'steady'", "", "solver", "deposited"),
-        ("form = 'second_derivatives'", "", "form", "`deposit`"),
+        ("form = 'second_derivatives'", "", "form", "deposited"),
         ("", "mechanical", "formulation", "deposited or cut off"),
     ] {
         let body = block([11, 7, 6], 3, 1e-3, Store::Lattice, &material);

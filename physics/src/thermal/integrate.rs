@@ -27,48 +27,55 @@ pub(super) struct Integrator {
     stable_step: f64,
     row_sums: Vec<[f64; 1]>,
     state: Vec<f64>,
-    controlled: ControlledSteps,
     vectors: Vectors,
 }
 
+/// How heat is stepped in time.
 #[derive(Debug)]
-enum Solver {
+pub(super) enum Solver {
     Explicit,
-    Controlled(Method),
-    Steady(Newton, f64),
+    Controlled(Box<Method>, ControlledSteps),
+    /// With the tolerance relative to the loads.
+    Steady(Box<Newton>, f64),
+}
+
+impl Thermal {
+    /// Takes the keys of a solver out of the table.
+    pub(super) fn take_solver(&mut self, solver: ThermalSolver) -> Solver {
+        let newton = |this: &mut Thermal| NewtonOptions {
+            relative_tolerance: this.tolerance.take().unwrap_or(1e-10),
+            ..NewtonOptions::default()
+        };
+        let method = match solver {
+            ThermalSolver::Explicit => return Solver::Explicit,
+            ThermalSolver::Rkl2 => Method::Rkl2(Rkl2::default()),
+            ThermalSolver::Implicit => Method::Euler(Implicit::euler(newton(self))),
+            ThermalSolver::CrankNicolson => {
+                Method::CrankNicolson(Implicit::crank_nicolson(newton(self)))
+            }
+            ThermalSolver::Steady => {
+                let options = newton(self);
+                let tolerance = options.relative_tolerance;
+                let options = NewtonOptions {
+                    relative_tolerance: 0.0,
+                    krylov: KrylovMethod::ConjugateGradient,
+                    ..options
+                };
+                return Solver::Steady(Box::new(Newton::new(options)), tolerance);
+            }
+        };
+        let tolerance = self.time_tolerance.take().unwrap_or(1e-3);
+        Solver::Controlled(Box::new(method), ControlledSteps::new(tolerance))
+    }
 }
 
 impl Integrator {
-    pub(super) fn new(thermal: &Thermal) -> Self {
-        let (solver, tolerance) = (thermal.solver, thermal.tolerance);
-        let options = NewtonOptions {
-            relative_tolerance: tolerance,
-            ..NewtonOptions::default()
-        };
-        let controlled = Solver::Controlled;
-        let solver = match solver {
-            ThermalSolver::Explicit => Solver::Explicit,
-            ThermalSolver::Rkl2 => controlled(Method::Rkl2(Rkl2::default())),
-            ThermalSolver::Implicit => controlled(Method::Euler(Implicit::euler(options))),
-            ThermalSolver::CrankNicolson => {
-                controlled(Method::CrankNicolson(Implicit::crank_nicolson(options)))
-            }
-            ThermalSolver::Steady => {
-                let krylov = KrylovMethod::ConjugateGradient;
-                let options = NewtonOptions {
-                    relative_tolerance: 0.0,
-                    krylov,
-                    ..options
-                };
-                Solver::Steady(Newton::new(options), tolerance)
-            }
-        };
+    pub(super) fn new(solver: Solver) -> Self {
         Integrator {
             solver,
             stable_step: f64::INFINITY,
             row_sums: Vec::new(),
             state: Vec::new(),
-            controlled: ControlledSteps::new(thermal.time_tolerance),
             vectors: Vectors::default(),
         }
     }
@@ -90,18 +97,25 @@ impl Integrator {
 
     /// The next step by the error in time, s; `None` for solvers without an error estimate.
     pub(super) fn next_step(&self) -> Option<f64> {
-        let is_controlled = matches!(self.solver, Solver::Controlled(_));
-        is_controlled.then(|| self.controlled.control.next(self.stable_step))
+        match &self.solver {
+            Solver::Controlled(_, steps) => Some(steps.control.next(self.stable_step)),
+            _ => None,
+        }
     }
 
     /// State of the step control.
     pub(super) fn control(&self) -> StepControl {
-        self.controlled.control
+        match &self.solver {
+            Solver::Controlled(_, steps) => steps.control,
+            _ => StepControl::default(),
+        }
     }
 
     /// Restores a saved step control.
     pub(super) fn set_control(&mut self, control: StepControl) {
-        self.controlled.control = control;
+        if let Solver::Controlled(_, steps) = &mut self.solver {
+            steps.control = control;
+        }
     }
 
     /// Sets the largest stable explicit step, s.
@@ -282,7 +296,6 @@ impl RunningThermal {
             stable_step,
             row_sums,
             state,
-            controlled,
             vectors,
         } = &mut self.integrator;
         // heat sources act on the points of a coarse body that the window does not cover
@@ -318,12 +331,12 @@ impl RunningThermal {
             Solver::Steady(newton, tolerance) => {
                 fields.find_steady_state(newton, *tolerance, flow, step.end(), self.floating)
             }
-            Solver::Controlled(method) => {
+            Solver::Controlled(method, steps) => {
                 let has_material = |point: usize| growth.is_none_or(|g| g.is_born(point));
                 fields.advance_enthalpy(flow, state, |rate, state| {
                     let stable = *stable_step;
                     let step = LimitedStep { step, stable };
-                    controlled.cover(method, rate, step, state, has_material)
+                    steps.cover(method, rate, step, state, has_material)
                 })
             }
         }

@@ -1,4 +1,5 @@
-//! Keys of the `[[physics]]` table of heat.
+//! The `[[physics]]` table of heat. Keys that are left out and have no default here belong to some forms, solvers and points only
+//! ([`ThermalKeys`](super::kinds::ThermalKeys)).
 
 use perimelt_core::{Correction, Horizon, PartialVolume, StepSize, Update};
 use schemars::JsonSchema;
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::advection::Convection;
 
 /// Heat conduction, and convection with an Eulerian fluid; owns `temperature` and `enthalpy`, consumes `heat_source`.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Thermal {
     /// Body that conducts; may be left out when there is only one.
@@ -25,64 +26,44 @@ pub struct Thermal {
     #[serde(default)]
     pub partial_volume: PartialVolume,
     /// Calibration of the bonds; when left out "point", or "lattice" where points move.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correction: Option<Correction>,
     /// Stabilisation of zero-energy modes of `form = "ordinary"`, 0 to 1: how strongly temperatures are drawn to the mean
     /// gradient of their family. With 1 a complete calibrated family conducts as in the form of bonds; with 0 nothing
     /// removes temperatures that alternate from point to point.
-    #[serde(
-        default = "default_stabilisation",
-        skip_serializing_if = "is_default_stabilisation"
-    )]
-    #[schemars(extend("minimum" = 0, "maximum" = 1))]
-    pub stabilisation: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 1.0, "minimum" = 0, "maximum" = 1))]
+    pub stabilisation: Option<f64>,
     /// Heat flow across broken bonds of the mechanics.
-    #[serde(default)]
-    pub broken_bonds: BrokenConduction,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "insulate"))]
+    pub broken_bonds: Option<BrokenConduction>,
     /// Whether the faces of the body continue in mirrored layers.
-    #[serde(default)]
-    pub surfaces: Surfaces,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "auto"))]
+    pub surfaces: Option<Surfaces>,
     /// Stabilisation of the convective terms in an Eulerian fluid.
-    #[serde(default)]
-    pub convection: Convection,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "hybrid"))]
+    pub convection: Option<Convection>,
     /// Time integration.
     #[serde(default)]
     pub solver: ThermalSolver,
     /// Relative accuracy of the implicit and steady solvers.
-    #[serde(default = "tolerance")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub tolerance: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 1e-10, "exclusiveMinimum" = 0))]
+    pub tolerance: Option<f64>,
     /// Largest error in time of a step of `rkl2`, `implicit` and `crank_nicolson`, over the difference of temperature that
     /// the body has had so far. Longer steps are divided; without an effect on stability.
-    #[serde(default = "time_tolerance")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub time_tolerance: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 1e-3, "exclusiveMinimum" = 0))]
+    pub time_tolerance: Option<f64>,
     /// Step in s, or "auto".
     #[serde(default)]
     pub step: StepSize,
     /// Advance in every macro `step`, or once per `log` interval.
     #[serde(default)]
     pub update: Update,
-}
-
-fn tolerance() -> f64 {
-    1e-10
-}
-
-fn time_tolerance() -> f64 {
-    1e-3
-}
-
-fn default_stabilisation() -> f64 {
-    1.0
-}
-
-#[expect(
-    clippy::trivially_copy_pass_by_ref,
-    reason = "serde passes a reference"
-)]
-fn is_default_stabilisation(value: &f64) -> bool {
-    *value == default_stabilisation()
 }
 
 /// How the divergence of the heat flux becomes a sum.

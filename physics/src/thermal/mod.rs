@@ -52,6 +52,7 @@ mod implicit_tests;
 mod integrate;
 mod interfaces;
 mod keys;
+mod kinds;
 #[cfg(test)]
 mod laminate_tests;
 mod phases;
@@ -74,11 +75,11 @@ pub use keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
 use perimelt_core::keys as core_keys;
 use perimelt_core::plugin::check_length;
 use perimelt_core::solver::reduce::{sum_of, weighted_sum};
-use perimelt_core::{
-    Balance, Physics, PhysicsReport, Read, Report, RunError, RunningPhysics, Setup, SetupError,
-    Step, StepLimits, Stepping, Work, World,
-};
 
+use perimelt_core::{
+    Balance, LoadError, Physics, PhysicsReport, Prepared, Read, Report, RunError, RunningPhysics,
+    SavedState, Setup, Step, StepLimits, Stepping, Work, World,
+};
 use serde::{Deserialize, Serialize};
 
 use control::StepControl;
@@ -132,11 +133,11 @@ impl RunningThermal {
             ),
             ThermalSolver::Steady => (
                 "`steady`".into(),
-                "look at the fluxes and sources that take heat out of the body",
+                "check the fluxes and sources that take heat out of the body",
             ),
             _ => (
                 format!("step of {} s", step.size),
-                "look at the fluxes, sources and prescribed temperatures of the body",
+                "check the fluxes, sources and prescribed temperatures of the body",
             ),
         };
         Err(RunError::Plugin {
@@ -155,10 +156,7 @@ impl RunningThermal {
 
 #[typetag::serialize(name = "thermal")]
 impl Physics for Thermal {
-    fn prepare(
-        self: Box<Self>,
-        setup: &mut Setup<'_>,
-    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+    fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningPhysics> {
         setup.stepping(Stepping {
             step: self.step,
             update: self.update,
@@ -289,11 +287,7 @@ impl RunningPhysics for RunningThermal {
         })
     }
 
-    fn load(
-        &mut self,
-        _world: &World,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
         let saved: Saved = erased_serde::deserialize(state)?;
         self.heat = saved.heat;
         self.integrator.set_control(saved.control);

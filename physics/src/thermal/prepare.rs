@@ -3,7 +3,7 @@
 use std::rc::Rc;
 use std::sync::Arc;
 
-use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, Property};
+use perimelt_core::material::Property;
 use perimelt_core::world::exchange::Exchange;
 use perimelt_core::world::{BodyIndex, SurfaceDepths};
 use perimelt_core::{
@@ -11,14 +11,16 @@ use perimelt_core::{
     Pddo, Read, ReadIfProvided, Setup, SetupError, StepSize, Wall, keys,
 };
 
-use crate::advection::{FlowFamily, usual_horizon};
+use crate::advection::{Convection, FlowFamily, usual_horizon};
+use crate::dependent_keys::need;
 
 use super::carried::{CarriedHeat, FlowFields, WallInFlow};
 use super::conduction::{Conduction, calibration};
 use super::faces::HeatedFace;
 use super::growth::Growth;
 use super::integrate::Integrator;
-use super::keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
+use super::keys::{Form, Surfaces, Thermal};
+use super::kinds::{BondKeys, FormKeys};
 use super::refined::Refined;
 use super::run::{Cracks, HeatAccount, RunningThermal};
 use super::surface::Surface;
@@ -58,36 +60,31 @@ impl RunningThermal {
         let constraint = setup.consume_if_added(body, &keys::TEMPERATURE_CONSTRAINT)?;
         let held = setup.consume_if_added(body, &keys::HELD_TEMPERATURE)?;
         let curves = setup.world().enthalpy_curves(body)?;
-        thermal.check(&curves, description)?;
+        let keys = thermal.take_keys(setup.world(), body)?;
         let is_growing = setup.world().is_growing(body);
-        if is_growing {
-            thermal.check_growth()?;
-        }
         let layers = setup.layers(body, &keys::TEMPERATURE);
         let domain = ConductionDomain {
             body,
             description,
             horizon,
-            layers: thermal.continued_faces(setup.body(body), layers.faces()),
+            layers: keys.form.continued_faces(setup.body(body), layers.faces()),
             heated: layers.prescribed,
         };
-        let (family, mut conduction) = thermal.operators(setup, &domain)?;
-        let refined = Refined::prepare(thermal, setup, &domain, family)?;
+        let (family, mut conduction) = thermal.operators(setup, &domain, keys.form)?;
+        let refined = Refined::prepare(setup, &domain, family)?;
         let growth = is_growing
             .then(|| Growth::prepare(setup, body))
             .transpose()?;
         let consolidated = thermal.powder(setup, &domain, refined.is_some(), &mut conduction)?;
         let austenite = thermal.austenite(setup, &domain, refined.is_some())?;
-        let carried = match description {
-            Description::Eulerian => Some(thermal.carried(setup, &domain)?),
-            _ => None,
+        let carried = match keys.convection {
+            Some(convection) => Some(thermal.carried(setup, &domain, convection)?),
+            None => None,
         };
         let has_conductance = heat_conductance.is_some();
         let surface = prepare_surface(setup, body, family, &conduction, has_conductance)?;
         let fixed = constraint.is_some() || surface.as_ref().is_some_and(Surface::has_conductance);
         let moves = description == Description::UpdatedLagrangian;
-        let is_at_rest = !moves && growth.is_none();
-        let follows_cracks = thermal.broken_bonds == BrokenConduction::Insulate && is_at_rest;
         let faces = domain.heated.iter().filter(|_| !moves);
         let faces = faces.map(|face| HeatedFace::of(setup.body(body), *face));
         Ok(RunningThermal {
@@ -107,12 +104,12 @@ impl RunningThermal {
             curves,
             conduction,
             carried,
-            cracks: follows_cracks.then(Cracks::default),
+            cracks: keys.follows_cracks.then(Cracks::default),
             growth,
             refined,
             consolidated,
             austenite,
-            integrator: Integrator::new(thermal),
+            integrator: Integrator::new(keys.solver),
             heat: HeatAccount::default(),
             faces: faces.filter(HeatedFace::is_measurable).collect(),
             through_layers: 0.0,
@@ -146,6 +143,26 @@ fn prepare_surface(
     Ok(Surface::new(exchanges, depth))
 }
 
+impl FormKeys {
+    /// Faces behind which the body continues: the `claimed` faces of boundaries, or all.
+    fn continued_faces(self, body: &Body, claimed: Vec<Face>) -> Vec<Face> {
+        let surfaces = match self {
+            FormKeys::Bonds(keys) | FormKeys::Ordinary(keys, _) => keys.surfaces,
+            FormKeys::SecondDerivatives => Surfaces::Mirrored,
+        };
+        let all = match surfaces {
+            Surfaces::Auto => body.fills_box(),
+            Surfaces::Mirrored => true,
+            Surfaces::Bare => false,
+        };
+        let faces = Face::ALL.into_iter().filter(|f| f.axis() < body.dimension);
+        match all {
+            true => faces.collect(),
+            false => claimed,
+        }
+    }
+}
+
 impl Thermal {
     /// The horizon; by default three spacings, or the horizon of the fluid in an Eulerian flow.
     fn horizon_of(&self, body: &Body, description: Description) -> Horizon {
@@ -153,87 +170,6 @@ impl Thermal {
             Description::Eulerian => usual_horizon(description, body),
             _ => Horizon::Spacings(3.0),
         })
-    }
-
-    /// Refuses keys that fit neither the materials nor the description of the points.
-    fn check(&self, curves: &[EnthalpyCurve], description: Description) -> Result<(), SetupError> {
-        for (key, tolerance) in [
-            ("tolerance", self.tolerance),
-            ("time_tolerance", self.time_tolerance),
-        ] {
-            if !(tolerance > 0.0) {
-                let message = format!("`{key}` is {tolerance}");
-                return Err(SetupError::value(key, message, "a number above 0"));
-            }
-        }
-        let is_explicit = self.solver == ThermalSolver::Explicit;
-        let apparent = curves.iter().any(|c| c.form() == LatentHeatForm::Apparent);
-        if apparent && !is_explicit {
-            let message = "the apparent heat capacity is defined for explicit steps only";
-            let expected = "`solver = \"explicit\"`, or the enthalpy form";
-            return Err(SetupError::value("solver", message, expected));
-        }
-        if description == Description::ArbitraryLagrangianEulerian {
-            let message = "heat in a fluid whose points follow its walls is not computed";
-            let expected = "a fluid with `description = \"eulerian\"` or `\"updated_lagrangian\"`";
-            return Err(SetupError::value("body", message, expected));
-        }
-        if description == Description::Eulerian && !is_explicit {
-            let message = "heat that a flow carries is advanced by explicit steps only";
-            let expected = "`solver = \"explicit\"`";
-            return Err(SetupError::value("solver", message, expected));
-        }
-        self.check_states(description)?;
-        if self.form == Form::SecondDerivatives && description == Description::UpdatedLagrangian {
-            let message = "second derivatives need points that stay";
-            return Err(SetupError::value("form", message, "`form = \"bonds\"`"));
-        }
-        self.check_correction(description)
-    }
-
-    /// Refuses the ordinary form where points move, and a stabilisation in other forms.
-    fn check_states(&self, description: Description) -> Result<(), SetupError> {
-        if self.form != Form::Ordinary {
-            if self.stabilisation != 1.0 {
-                let message = "`stabilisation` belongs to the ordinary form";
-                let expected = "`form = \"ordinary\"` with it";
-                return Err(SetupError::value("stabilisation", message, expected));
-            }
-            return Ok(());
-        }
-        if description != Description::TotalLagrangian {
-            let message = "the ordinary form needs points that are matter at rest";
-            return Err(SetupError::value("form", message, "`form = \"bonds\"`"));
-        }
-        if !(0.0..=1.0).contains(&self.stabilisation) {
-            let message = format!("`stabilisation` is {}", self.stabilisation);
-            return Err(SetupError::value("stabilisation", message, "0 to 1"));
-        }
-        Ok(())
-    }
-
-    /// Refuses keys that do not fit a body that grows.
-    fn check_growth(&self) -> Result<(), SetupError> {
-        let (key, message, expected) = match (self.solver, self.form) {
-            (ThermalSolver::Steady, _) => {
-                let message = "a steady state has no time in which material is deposited";
-                (
-                    "solver",
-                    message,
-                    "a solver that steps in time, such as \"explicit\"",
-                )
-            }
-            (_, Form::Ordinary) => {
-                let message = "the ordinary form needs families that stay, but `deposit` adds material to the body";
-                ("form", message, "`form = \"bonds\"`")
-            }
-            (_, Form::SecondDerivatives) => {
-                let message = "second derivatives need complete families, but `deposit` adds material to the body";
-                ("form", message, "`form = \"bonds\"`")
-            }
-            _ => return Ok(()),
-        };
-        Err(SetupError::value(key, message, expected))
     }
 
     /// The field of powder and dense material, where the body has powder, whose conductivity is added to `conduction`.
@@ -248,12 +184,18 @@ impl Thermal {
         if !setup.is_declared(body, &keys::CONSOLIDATED, Access::Write) {
             return Ok(None);
         }
-        self.check_powder(domain.description)?;
-        if is_refined {
-            let message = "a body with a window of finer points has no powder";
-            let expected = "a body without `powder`";
-            return Err(SetupError::value("body", message, expected));
-        }
+        need(
+            self.form == Form::Bonds && domain.description != Description::Eulerian,
+            "form",
+            "powder conducts by bonds, and its points must not be those of a flow",
+            "`form = \"bonds\"` and a body without an Eulerian `fluid`",
+        )?;
+        need(
+            !is_refined,
+            "body",
+            "a body with a window of finer points has no powder",
+            "a body without `powder`",
+        )?;
         conduction.set_powder(setup.world().property(body, "powder_conductivity")?);
         Ok(Some(setup.read(body, &keys::CONSOLIDATED)?))
     }
@@ -281,84 +223,30 @@ impl Thermal {
         }))
     }
 
-    /// Refuses keys and points for which powder has no meaning.
-    fn check_powder(&self, description: Description) -> Result<(), SetupError> {
-        if self.form == Form::Bonds && description != Description::Eulerian {
-            return Ok(());
-        }
-        let message = "powder conducts by bonds between points that are matter";
-        let expected = "`form = \"bonds\"`, and a body through which nothing flows";
-        Err(SetupError::value("form", message, expected))
-    }
-
-    fn check_correction(&self, description: Description) -> Result<(), SetupError> {
-        let (message, expected) = match (self.correction, self.form, description) {
-            (Some(Correction::Uniaxial), ..) => ("conduction has no uniaxial strain", "\"point\""),
-            (
-                Some(
-                    Correction::Point
-                    | Correction::Balanced
-                    | Correction::Lattice
-                    | Correction::Zone
-                    | Correction::Volume,
-                ),
-                Form::SecondDerivatives,
-                _,
-            ) => {
-                let message = "`correction` applies to bonds; second derivatives are exact without";
-                (message, "\"none\", or leave it out")
-            }
-            (
-                Some(
-                    Correction::Point
-                    | Correction::Balanced
-                    | Correction::Zone
-                    | Correction::Volume,
-                ),
-                _,
-                Description::UpdatedLagrangian,
-            ) => {
-                let message = "bonds of points that move are calibrated for complete families";
-                (message, "\"lattice\" or \"none\"")
-            }
-            _ => return Ok(()),
-        };
-        Err(SetupError::value("correction", message, expected))
-    }
-
-    /// Faces behind which the body continues: the `claimed` faces of boundaries, or all.
-    fn continued_faces(&self, body: &Body, claimed: Vec<Face>) -> Vec<Face> {
-        let all = match self.surfaces {
-            Surfaces::Auto => body.fills_box(),
-            Surfaces::Mirrored => true,
-            Surfaces::Bare => false,
-        };
-        let faces = Face::ALL.into_iter().filter(|f| f.axis() < body.dimension);
-        match all {
-            true => faces.collect(),
-            false => claimed,
-        }
-    }
-
     /// The family and the operator of conduction.
     fn operators(
         &self,
         setup: &mut Setup<'_>,
         domain: &ConductionDomain,
+        form: FormKeys,
     ) -> Result<(FamilyHandle, Conduction), SetupError> {
         let body = domain.body;
         let conductivity = setup.world().property(body, "conductivity")?;
         let points = setup.body(body).points.len();
-        if self.form == Form::SecondDerivatives {
-            let (family, pddo) = self.second_derivatives(setup, domain)?;
-            let conduction = Conduction::by_derivatives(pddo, conductivity, points);
-            return Ok((family, conduction));
-        }
+        let (BondKeys { correction, .. }, stabilisation) = match form {
+            FormKeys::Bonds(keys) => (keys, None),
+            FormKeys::Ordinary(keys, stabilisation) => (keys, Some(stabilisation)),
+            FormKeys::SecondDerivatives => {
+                let (family, pddo) = self.second_derivatives(setup, domain)?;
+                let conduction = Conduction::by_derivatives(pddo, conductivity, points);
+                return Ok((family, conduction));
+            }
+        };
         let mut spec = FamilySpec {
             horizon: domain.horizon,
             partial_volume: self.partial_volume,
             influence: Influence::default(),
-            correction: self.correction.unwrap_or_default(),
+            correction: correction.unwrap_or_default(),
             layers: domain.layers.clone(),
             audited: domain.heated.clone(),
         };
@@ -369,14 +257,14 @@ impl Thermal {
         let handle = setup.family(body, &spec)?;
         let family = setup.world().family(handle);
         let dimension = setup.body(body).dimension;
-        let calibration = match self.correction {
+        let calibration = match correction {
             Some(Correction::None) => 1.0,
             _ if moves => calibration(&family, points, dimension),
             _ => 1.0,
         };
         let mut conduction = Conduction::by_bonds(&family, conductivity, points, calibration);
-        if self.form == Form::Ordinary {
-            conduction.set_states(dimension, self.stabilisation);
+        if let Some(stabilisation) = stabilisation {
+            conduction.set_states(dimension, stabilisation);
         }
         Ok((handle, conduction))
     }
@@ -422,6 +310,7 @@ impl Thermal {
         &self,
         setup: &mut Setup<'_>,
         domain: &ConductionDomain,
+        convection: Convection,
     ) -> Result<CarriedHeat, SetupError> {
         let body = domain.body;
         let fields = FlowFields {
@@ -448,7 +337,7 @@ impl Thermal {
             setup.body(body),
             family,
             walls,
-            self.convection,
+            convection,
             fields,
         ))
     }

@@ -26,10 +26,9 @@ use std::sync::Arc;
 use perimelt_core::field::Key;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::refinement::{Level, mean};
-use perimelt_core::{Description, Family, FamilyHandle, Setup, SetupError, World, Write};
+use perimelt_core::{Family, FamilyHandle, Setup, SetupError, World, Write};
 
 use super::conduction::Conduction;
-use super::keys::{Form, Surfaces, Thermal, ThermalSolver};
 use super::prepare::ConductionDomain;
 use plate::Plate;
 use window::Window;
@@ -95,7 +94,6 @@ impl Exchange {
 
 impl Refined {
     pub(super) fn prepare(
-        thermal: &Thermal,
         setup: &mut Setup<'_>,
         domain: &ConductionDomain,
         family: FamilyHandle,
@@ -105,15 +103,6 @@ impl Refined {
             return Ok(None);
         };
         let (plate, ratio) = (refinement.plate(), refinement.ratio()[0]);
-        thermal.check_refined(domain.description)?;
-        if setup.world().is_growing(body) {
-            let message = "material is deposited on a body with a window of finer points";
-            return Err(SetupError::value(
-                "body",
-                message,
-                "a body without `deposit` and `cut`",
-            ));
-        }
         if level == Level::Plate {
             return Ok(Some(Refined::Plate(Box::new(Plate {
                 body,
@@ -131,14 +120,6 @@ impl Refined {
             );
             let expected = "the boundary on the body with the coarser points, away from the window";
             return Err(SetupError::value("body", message, expected));
-        }
-        if thermal.surfaces == Surfaces::Bare {
-            let message = "a window goes on behind its faces";
-            return Err(SetupError::value(
-                "surfaces",
-                message,
-                "`surfaces = \"auto\"`",
-            ));
         }
         let family = setup.world().family(family);
         let window = Window::new(setup, body, plate, &family)?;
@@ -205,27 +186,5 @@ impl Refined {
             enthalpy[point] = mean(&window, inside);
             temperature[point] = curves[0].temperature(enthalpy[point]);
         });
-    }
-}
-
-impl Thermal {
-    /// Refuses keys that do not fit a plate or a window.
-    fn check_refined(&self, description: Description) -> Result<(), SetupError> {
-        let refuse = |key: &str, message: &str, expected: &str| {
-            Err(SetupError::value(key, message, expected))
-        };
-        if self.solver != ThermalSolver::Explicit {
-            let message = "a window of finer points and the body around it are advanced by explicit steps only";
-            return refuse("solver", message, "`solver = \"explicit\"`");
-        }
-        if self.form != Form::Bonds {
-            let message = "heat crosses the faces of a window of finer points by bonds only";
-            return refuse("form", message, "`form = \"bonds\"`");
-        }
-        if description != Description::TotalLagrangian {
-            let message = "a window of finer points needs a body of matter at rest";
-            return refuse("body", message, "a body without `fluid`");
-        }
-        Ok(())
     }
 }

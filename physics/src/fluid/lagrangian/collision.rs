@@ -28,6 +28,7 @@
 use nalgebra::{Matrix4, Vector3, Vector4};
 use perimelt_core::SetupError;
 use perimelt_core::family::ForeignBonds;
+use perimelt_core::numbers::check_fraction;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -65,18 +66,9 @@ impl Default for Collisions {
 
 impl Collisions {
     pub(crate) fn check(&self) -> Result<(), SetupError> {
-        let numbers = [
-            ("collisions.restitution", self.restitution),
-            ("collisions.distance", self.distance),
-        ];
-        let wrong = |(_, value): &(&str, f64)| !(0.0..=1.0).contains(value);
-        match numbers.into_iter().find(wrong) {
-            None => Ok(()),
-            Some((key, value)) => {
-                let message = format!("`{key}` is {value}");
-                Err(SetupError::value(key, message, "a number from 0 to 1"))
-            }
-        }
+        check_fraction("collisions.restitution", self.restitution)?;
+        check_fraction("collisions.distance", self.distance)?;
+        Ok(())
     }
 }
 
