@@ -17,6 +17,7 @@ use serde_json::json;
 use crate::body::Body;
 use crate::error::{Problem, SetupError};
 use crate::material::{Material, Property};
+use crate::solver::reduce::max_abs;
 
 /// A property of the material that a law needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -142,6 +143,18 @@ pub struct Law<P: ?Sized> {
     pub name: &'static str,
     /// The law.
     pub law: Box<P>,
+}
+
+impl<P: ?Sized> Clone for Law<P>
+where
+    Box<P>: Clone,
+{
+    fn clone(&self) -> Self {
+        Law {
+            name: self.name,
+            law: self.law.clone(),
+        }
+    }
 }
 
 impl<P: ?Sized + fmt::Debug> fmt::Debug for Law<P> {
@@ -313,13 +326,60 @@ impl Constants {
         })
     }
 
-    /// Writes the constants of a material at a temperature (K) to `values`.
-    pub fn load(&self, material: usize, temperature: f64, values: &mut [f64]) {
-        let of_material = &self.properties[material * self.count..][..self.count];
-        for (value, constant) in values.iter_mut().zip(of_material) {
+    /// The constants, where each is one number for all materials.
+    ///
+    /// # Errors
+    /// The place of a constant in which materials differ, or which depends on the temperature.
+    pub fn common(&self) -> Result<Vec<f64>, usize> {
+        let number = |constant: &ConstantOf| match constant {
+            ConstantOf::Given(property) => property.constant(),
+            ConstantOf::Default(value) => Some(*value),
+        };
+        let one = |constant: usize| {
+            let mut values = self.properties.iter().skip(constant).step_by(self.count);
+            let first = values.next().and_then(number);
+            let first = first.filter(|_| values.all(|other| number(other) == first));
+            first.ok_or(constant)
+        };
+        (0..self.count).map(one).collect()
+    }
+
+    /// Whether one of them depends on temperature or phase.
+    pub fn depend_on_temperature(&self) -> bool {
+        let depends = |constant: &ConstantOf| match constant {
+            ConstantOf::Given(property) => !property.is_constant(),
+            ConstantOf::Default(_) => false,
+        };
+        self.properties.iter().any(depends)
+    }
+
+    fn of_material(&self, material: usize) -> &[ConstantOf] {
+        &self.properties[material * self.count..][..self.count]
+    }
+
+    /// Writes the constants of a material at a temperature (K) and a liquid fraction to `values`.
+    #[inline]
+    pub fn load(
+        &self,
+        material: usize,
+        temperature: f64,
+        liquid_fraction: f64,
+        values: &mut [f64],
+    ) {
+        for (value, constant) in values.iter_mut().zip(self.of_material(material)) {
             *value = match constant {
-                ConstantOf::Given(property) => property.at(temperature, 0.0),
+                ConstantOf::Given(property) => property.at(temperature, liquid_fraction),
                 ConstantOf::Default(value) => *value,
+            };
+        }
+    }
+
+    /// Writes the largest absolute value that each constant of a material can have to `values`.
+    pub fn load_largest(&self, material: usize, values: &mut [f64]) {
+        for (value, constant) in values.iter_mut().zip(self.of_material(material)) {
+            *value = match constant {
+                ConstantOf::Given(property) => max_abs(&property.values()),
+                ConstantOf::Default(value) => value.abs(),
             };
         }
     }

@@ -284,6 +284,10 @@ mistakes! {
     flow_law_without_a_constant: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow.chaboche = {}\n";
     flow_law_with_a_rate_of_zero: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow.johnson_cook = { reference_rate = 0 }\n";
     flow_law_of_a_bond_based_solid: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nflow.j2 = {}\n";
+    viscosity_law_that_is_unknown: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.tait.sound_speed = 1\nviscosity.powerlaw = {}\n[[couplers]]\ntype = \"phase_change\"";
+    viscosity_law_without_its_key: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.tait.sound_speed = 1\nviscosity.power_law = {}\n[[couplers]]\ntype = \"phase_change\"";
+    viscosity_law_without_a_constant: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.tait.sound_speed = 1\nviscosity.herschel_bulkley = { largest = 100 }\n[[couplers]]\ntype = \"phase_change\"";
+    viscosity_law_with_a_bound_of_zero: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.tait.sound_speed = 1\nviscosity.power_law = { largest = 0 }\n[[couplers]]\ntype = \"phase_change\"";
     horizon_of_zero: "horizon = 2\n" => "horizon = 0\n";
     steel_without_composition: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"metallurgy\"\n[[couplers]]\ntype = \"phase_change\"";
     two_physics_of_one_field: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"thermal\"\n[[couplers]]\ntype = \"phase_change\"";

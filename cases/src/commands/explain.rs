@@ -8,6 +8,7 @@ use perimelt_core::law::{Law, LawKind};
 use perimelt_core::material::{MaterialSection, ValueRange, known_properties};
 use perimelt_core::plugin::{Registration, registered};
 use perimelt_core::{Coupler, Physics};
+use perimelt_physics::fluid::viscosity::ViscositySweep;
 use perimelt_physics::mechanical::plasticity::FlowSweep;
 use schemars::schema_for;
 use serde_json::Value;
@@ -70,7 +71,12 @@ pub fn run(args: &ExplainArgs) -> Done {
     if let Some((first, header, schema)) = known.iter().find(|(known, ..)| known == first) {
         let path: Vec<String> = name.split('.').skip(1).map(String::from).collect();
         if path.is_empty() {
-            return table(out, first, header, &KeyList::new(schema, args.all));
+            table(out, first, header, &KeyList::new(schema, args.all))?;
+            // a kind of law and a property of materials may have one name
+            return match of_world(name) {
+                Some(text) => Ok(writeln!(out, "\n{text}")?),
+                None => Ok(()),
+            };
         }
         if let Some(key) = schema::at(schema, &path) {
             return explain_key(out, name, &KeyList::new(schema, args.all), key);
@@ -329,6 +335,11 @@ fn known() -> Vec<(String, String, Value)> {
         <dyn FlowSweep>::KEY,
         "flow.<name> = { ... } in `mechanical`",
         schema_for!(Law<dyn FlowSweep>),
+    ));
+    all.push(section(
+        <dyn ViscositySweep>::KEY,
+        "viscosity.<name> = { ... } in `fluid`",
+        schema_for!(Law<dyn ViscositySweep>),
     ));
     all.push(section("case", "[case]", schema_for!(CaseSection)));
     all.push(section(

@@ -7,6 +7,7 @@ use perimelt_core::law::LawKind;
 use perimelt_core::material::known_properties;
 use perimelt_core::plugin::{Registration, registered};
 use perimelt_core::{Change, Coupler, Physics};
+use perimelt_physics::fluid::viscosity::ViscositySweep;
 use perimelt_physics::mechanical::plasticity::FlowSweep;
 use schemars::SchemaGenerator;
 
@@ -32,8 +33,8 @@ pub fn run(args: &ListArgs) -> Done {
     plugins::<dyn Physics>(out)?;
     writeln!(out, "\nCouplers ([[couplers]], type = ...)")?;
     plugins::<dyn Coupler>(out)?;
-    writeln!(out, "\n{}", law_heading::<dyn FlowSweep>("mechanical"))?;
-    laws::<dyn FlowSweep>(out)?;
+    laws::<dyn FlowSweep>(out, "mechanical")?;
+    laws::<dyn ViscositySweep>(out, "fluid")?;
     writeln!(out, "\nFields (the common ones; plugins may add their own)")?;
     for (name, unit, meaning) in keys::ALL {
         row(out, name, &format!("[{unit}] {meaning}"))?;
@@ -60,16 +61,13 @@ pub fn run(args: &ListArgs) -> Done {
     Ok(())
 }
 
-/// The heading of a kind of laws of a plugin.
-fn law_heading<P: LawKind + ?Sized>(plugin: &str) -> String {
+/// The laws of one kind of a plugin.
+fn laws<P: LawKind + ?Sized>(out: &mut impl Write, plugin: &str) -> Done {
     let key = P::KEY;
-    format!(
-        "Laws ({key}.<name> = {{ ... }} in `{plugin}`; more by `perimelt explain {key}.<name>`)"
-    )
-}
-
-/// A line for each law of one kind.
-fn laws<P: LawKind + ?Sized>(out: &mut impl Write) -> Done {
+    writeln!(
+        out,
+        "\nLaws ({key}.<name> = {{ ... }} in `{plugin}`; more by `perimelt explain {key}.<name>`)"
+    )?;
     for law in P::registered() {
         let mut generator = SchemaGenerator::default();
         let schema = (law.schema)(&mut generator).to_value();

@@ -26,8 +26,9 @@ use rayon::prelude::*;
 
 use super::eulerian::CarriedFlow;
 use super::kinds::DifferencesKeys;
-use super::medium::{Coefficient, Medium};
+use super::medium::Medium;
 use super::rates::{POINTS_PER_TASK, Stability, Terms};
+use super::viscosity::{Viscosity, squared_shear_rate};
 
 /// A field in slot space, and some of its derivatives.
 #[derive(Debug, Default)]
@@ -38,10 +39,10 @@ struct Differentiated {
 }
 
 impl Differentiated {
-    /// Sets a coefficient; nothing is done where it is uniform.
-    fn set_coefficient(&mut self, coefficient: &Coefficient, pddo: &Pddo, work: &mut Derivatives) {
-        if coefficient.varies {
-            coefficient.load(pddo.family(), &mut self.slots);
+    /// Sets the viscosity; nothing is done where it is uniform.
+    fn set_viscosity(&mut self, viscosity: &Viscosity, pddo: &Pddo, work: &mut Derivatives) {
+        if viscosity.varies {
+            viscosity.load(pddo.family(), &mut self.slots);
             pddo.gradient(&self.slots, work, &mut self.rows);
         }
     }
@@ -188,8 +189,7 @@ impl Differences {
 
     pub(super) fn set_viscosity(&mut self, medium: &Medium) {
         let (pddo, work) = (&self.pddo, &mut self.work);
-        self.viscosity
-            .set_coefficient(&medium.viscosity, pddo, work);
+        self.viscosity.set_viscosity(&medium.viscosity, pddo, work);
     }
 
     pub(super) fn set_velocity(
@@ -289,12 +289,6 @@ impl Differences {
 
     /// Heat of viscous friction over the viscosity, 1/s² (Gao (2020), eq. 5.65).
     fn dissipation(&self, point: usize) -> f64 {
-        let of = |a: usize, b: usize| self.velocity_row(a, point)[b];
-        let mut sum = 0.0;
-        for a in 0..self.dimension() {
-            sum += 2.0 * of(a, a).powi(2);
-            sum += (0..a).map(|b| (of(a, b) + of(b, a)).powi(2)).sum::<f64>();
-        }
-        sum
+        squared_shear_rate(self.dimension(), |a, b| self.velocity_row(a, point)[b])
     }
 }

@@ -1,6 +1,7 @@
 //! The `[[physics]]` table of a fluid. Keys that are left out and have no default here belong to some fluids only
 //! ([`FluidKeys`](super::kinds::FluidKeys)).
 
+use perimelt_core::law::Law;
 use perimelt_core::numbers::check_at_least;
 use perimelt_core::{Body, Description, Horizon, Influence, PartialVolume, SetupError, StepSize};
 use schemars::JsonSchema;
@@ -10,6 +11,7 @@ use crate::advection::Convection;
 
 use super::lagrangian::collision::Collisions;
 use super::state::State;
+use super::viscosity::ViscositySweep;
 
 /// Weakly compressible laminar flow; owns `velocity`, `density` and `pressure`. `thermal` computes heat.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -34,6 +36,9 @@ pub struct Fluid {
     pub influence: Option<Influence>,
     /// Equation of state: how the pressure follows from the flow.
     pub state: State,
+    /// Law of viscosity; when left out `newtonian`, by the property `viscosity` of the material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub viscosity: Option<Law<dyn ViscositySweep>>,
     /// How derivatives become sums.
     #[serde(default)]
     pub form: Form,

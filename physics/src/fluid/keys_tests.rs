@@ -1,11 +1,13 @@
 //! Keys of a fluid that fit neither the body nor each other.
 
 use perimelt_core::body::{Body, Jitter, Store};
+use perimelt_core::law::Law;
 use perimelt_core::{Axis, SetupError};
 
 use super::Fluid;
 use super::kinds::FluidKeys;
-use crate::testing::{block, read};
+use super::viscosity::{Viscosity, ViscositySweep};
+use crate::testing::{block, material, read};
 
 fn water(dimension: usize) -> Body {
     let cells = [
@@ -214,5 +216,29 @@ fn the_message_follows_from_the_keys_of_other_fluids() {
     ] {
         let error = keys(&water(2), table).expect_err("a key of other fluids");
         assert_eq!(error.to_string(), expected);
+    }
+}
+
+#[test]
+fn laws_of_the_shear_rate_need_forces_that_balance_and_points_that_do_not_follow_walls() {
+    #[derive(serde::Deserialize)]
+    struct Table {
+        viscosity: Law<dyn ViscositySweep>,
+    }
+    let mut paste = water(2);
+    paste.materials = vec![material("consistency = 1\nflow_index = 0.5\nviscosity = 1")];
+    for (law, table, at_fault) in [
+        ("power_law = { largest = 9 }", "", Some("form")),
+        ("power_law = { largest = 9 }", "form = 'conservative'", None),
+        ("power_law = { largest = 9 }", EULER, None),
+        ("power_law = { largest = 9 }", FOLLOWING, Some("viscosity")),
+        ("newtonian = {}", "", None),
+        ("newtonian = {}", FOLLOWING, None),
+    ] {
+        let law = read::<Table>(&format!("viscosity.{law}")).viscosity;
+        let viscosity = Viscosity::new(Some(law), &paste).expect("valid");
+        let keys = keys(&paste, table).expect("valid");
+        let found = keys.check_viscosity(&viscosity).err().map(|e| e.key);
+        assert_eq!(found.as_deref(), at_fault, "{table}");
     }
 }

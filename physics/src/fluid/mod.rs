@@ -59,6 +59,7 @@ mod step;
 #[cfg(test)]
 mod tests;
 mod treatments;
+pub mod viscosity;
 mod walls;
 
 pub use crate::advection::Convection;

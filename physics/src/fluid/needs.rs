@@ -5,6 +5,7 @@ use perimelt_core::{Body, SetupError};
 use crate::dependent_keys::need;
 
 use super::kinds::{EulerianForm, FluidKeys, PointKeys};
+use super::viscosity::Viscosity;
 use super::walls::Walls;
 
 impl FluidKeys {
@@ -32,12 +33,34 @@ impl FluidKeys {
         )
     }
 
-    /// Refuses bodies that are walls, and their absence, where they do not fit these keys.
-    pub(super) fn check_walls(&self, walls: &Walls) -> Result<(), SetupError> {
-        let follows = match self.points {
+    /// Whether points follow bodies that are walls.
+    fn follows_walls(&self) -> bool {
+        match self.points {
             PointKeys::Eulerian(keys) => keys.form == EulerianForm::FollowingWalls,
             PointKeys::Lagrangian(_) => false,
-        };
+        }
+    }
+
+    /// Refuses a law of viscosity that does not fit these keys.
+    pub(super) fn check_viscosity(&self, viscosity: &Viscosity) -> Result<(), SetupError> {
+        need(
+            !viscosity.needs_shear_rate() || self.is_conservative(),
+            "form",
+            "the law of viscosity depends on the shear rate, and forces of differences do not balance where the viscosity varies \
+             strongly",
+            "`form = \"conservative\"`, or `viscosity.newtonian`",
+        )?;
+        need(
+            !viscosity.needs_shear_rate() || !self.follows_walls(),
+            "viscosity",
+            "the law of viscosity needs the shear rate, which is not computed for points that follow walls",
+            "`viscosity.newtonian`, or another `description`",
+        )
+    }
+
+    /// Refuses bodies that are walls, and their absence, where they do not fit these keys.
+    pub(super) fn check_walls(&self, walls: &Walls) -> Result<(), SetupError> {
+        let follows = self.follows_walls();
         let collides = self
             .conservative()
             .is_some_and(|keys| keys.collisions.is_some());

@@ -14,14 +14,15 @@ use super::eulerian::EulerianPoints;
 use super::keys::Fluid;
 use super::kinds::{FluidKeys, PointKeys};
 use super::lagrangian::LagrangianPoints;
-use super::medium::{Coefficient, Medium};
+use super::medium::Medium;
 use super::points::{Points, Surroundings};
 use super::run::{FluidFields, FluidRun, FluidTemperature, MomentumAccount, StepSettings};
 use super::treatments::Treatments;
+use super::viscosity::Viscosity;
 use super::walls::Walls;
 
 impl FluidRun {
-    pub(super) fn prepare(fluid: Fluid, setup: &mut Setup<'_>) -> Result<FluidRun, SetupError> {
+    pub(super) fn prepare(mut fluid: Fluid, setup: &mut Setup<'_>) -> Result<FluidRun, SetupError> {
         let body = setup.find_body(fluid.body.as_deref())?;
         fluid.check_numbers(setup.body(body))?;
         let keys = fluid.take_keys()?;
@@ -29,7 +30,8 @@ impl FluidRun {
         let layers = setup.layers(body, &keys::VELOCITY);
         let (faces, layers) = (layers.faces(), layers.handle);
         check_surfaces(&keys, setup, body, &faces)?;
-        let medium = prepare_medium(&fluid, setup, body)?;
+        let medium = prepare_medium(&mut fluid, setup, body)?;
+        keys.check_viscosity(&medium.viscosity)?;
         let fields = FluidFields::declare(setup, body, &medium, layers)?;
         let has_faces = !faces.is_empty();
         let spec = family_spec(&fluid, &keys, setup.body(body), faces);
@@ -163,13 +165,16 @@ fn family_spec(fluid: &Fluid, keys: &FluidKeys, body: &Body, faces: Vec<Face>) -
     }
 }
 
-fn prepare_medium(fluid: &Fluid, setup: &Setup<'_>, body: BodyIndex) -> Result<Medium, SetupError> {
-    let viscosity = setup.world().property(body, "viscosity")?;
+fn prepare_medium(
+    fluid: &mut Fluid,
+    setup: &Setup<'_>,
+    body: BodyIndex,
+) -> Result<Medium, SetupError> {
     let this = setup.body(body);
     Ok(Medium {
         state: fluid.state,
+        viscosity: Viscosity::new(fluid.viscosity.take(), this)?,
         reference_density: setup.world().density_at_points(body)?,
         spacing: this.points.spacing.clone(),
-        viscosity: Coefficient::new(viscosity, &this.material_of_point),
     })
 }

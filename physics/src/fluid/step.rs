@@ -9,7 +9,7 @@
 //!    put in order and put back into their box; the configuration of the body is set.
 
 use nalgebra::Vector3;
-use perimelt_core::family::{ByRules, Curved};
+use perimelt_core::family::{ByRules, Curved, LayerRule};
 use perimelt_core::{PddoError, SlotField, Step, World};
 
 use super::keys::Scheme;
@@ -48,12 +48,21 @@ impl FluidRun {
         self.set_configuration(world)
     }
 
-    /// Evaluates a viscosity that varies from point to point.
+    /// Evaluates a viscosity that depends on the flow or the temperature at the start of the step.
     fn set_viscosity(&mut self, world: &World) {
         let viscosity = &mut self.medium.viscosity;
-        if let Some(FluidTemperature { field, curves }) = &self.fields.temperature {
-            let material = &world.body(self.body).material_of_point;
-            viscosity.evaluate(&world.read(*field), material, curves);
+        if viscosity.needs_shear_rate() {
+            let velocity = world.read::<Vector3<f64>>(self.fields.velocity.into());
+            let rules = world.layer_rules(self.fields.velocity_layers);
+            load_velocity(&self.points, &velocity, &rules, &mut self.slots);
+            viscosity.find_shear_rates(self.points.rates().family(), &self.slots);
+        }
+        let material = &world.body(self.body).material_of_point;
+        match &self.fields.temperature {
+            Some(FluidTemperature { field, curves }) => {
+                viscosity.evaluate(material, Some((&world.read(*field), curves)));
+            }
+            None => viscosity.evaluate(material, None),
         }
         self.points.rates_mut().set_viscosity(&self.medium);
     }
@@ -169,17 +178,8 @@ impl FluidRun {
 impl Advance<'_> {
     /// Copies the velocity to slots and passes it to the rates.
     fn set_velocity(&mut self, flow: &Flow<'_>) {
-        let velocity = &*flow.velocity;
-        let is_carried = self.points.convection().is_some();
+        load_velocity(self.points, flow.velocity, self.terms.rules, self.slots);
         let rates = self.points.rates_mut();
-        for (axis, slots) in self.slots.iter_mut().enumerate() {
-            let (family, rules) = (rates.family(), ByRules(self.terms.rules, axis));
-            let along = |point: usize| velocity[point][axis];
-            match is_carried {
-                true => slots.load(family, along, Curved(rules)),
-                false => slots.load(family, along, rules),
-            }
-        }
         rates.set_velocity(self.slots, flow.density, &self.terms);
     }
 
@@ -249,6 +249,25 @@ impl Advance<'_> {
         rates.advance_velocity(&self.terms, time, flow.velocity, flow.density);
         let time = time * self.terms.acceleration_fraction;
         self.points.give_impulses(world, self.slots, time);
+    }
+}
+
+/// Copies the components of a velocity to slots.
+fn load_velocity(
+    points: &Points,
+    velocity: &[Vector3<f64>],
+    rules: &[LayerRule],
+    slots: &mut [SlotField],
+) {
+    let is_carried = points.convection().is_some();
+    let family = points.rates().family();
+    for (axis, slots) in slots.iter_mut().enumerate() {
+        let rules = ByRules(rules, axis);
+        let along = |point: usize| velocity[point][axis];
+        match is_carried {
+            true => slots.load(family, along, Curved(rules)),
+            false => slots.load(family, along, rules),
+        }
     }
 }
 

@@ -28,7 +28,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::family::{Mirrored, Rising};
 use perimelt_core::pddo::largest_wave_number;
-use perimelt_core::{Body, Family, SlotField, World};
+use perimelt_core::{Body, BondKernel, Family, SlotField, World};
 use rayon::prelude::*;
 
 use crate::shape_tensor::{COMPONENTS, CompleteFamily, components, inverted};
@@ -58,6 +58,8 @@ pub(super) struct Conservative {
     velocity: Vec<SlotField>,
     density: SlotField,
     viscosity: SlotField,
+    /// Whether the halves of a bond resist shear in series.
+    in_series: bool,
     pressure: SlotField,
     inverse: Vec<SlotField>,
     /// Sums of the survey, one row for each point.
@@ -119,6 +121,7 @@ impl Conservative {
             velocity: vec![SlotField::default(); dimension],
             density: SlotField::default(),
             viscosity: SlotField::default(),
+            in_series: false,
             pressure: SlotField::default(),
             inverse: vec![SlotField::default(); components(dimension)],
             sums: Vec::new(),
@@ -132,13 +135,16 @@ impl Conservative {
         2.0 / self.complete.moment
     }
 
-    fn survey_kernel<const D: usize>(&self) -> Survey<D> {
+    fn survey_kernel<const D: usize, const IN_SERIES: bool>(&self) -> Survey<D, IN_SERIES> {
         Survey::new(&self.complete, self.horizon, self.keys.is_central)
     }
 
     /// In `D` dimensions, with `I` inputs and `O` sums.
-    fn survey<const D: usize, const I: usize, const O: usize>(&mut self, held: &[SlotField]) {
-        let kernel = self.survey_kernel::<D>();
+    fn survey<const D: usize, const I: usize, const O: usize, const IN_SERIES: bool>(
+        &mut self,
+        held: &[SlotField],
+    ) {
+        let kernel = self.survey_kernel::<D, IN_SERIES>();
         let mut all_sums = std::mem::take(&mut self.sums);
         all_sums.resize(self.surveyed.len() * O, 0.0);
         let inputs: [&[f64]; I] = std::array::from_fn(|i| match i {
@@ -197,22 +203,37 @@ impl Conservative {
 
     /// Gives the walls the opposite of what they do to the fluid in a time (s), with the velocity by slot as last set.
     pub(super) fn give_impulses(&mut self, world: &World, velocity: &[SlotField], time: f64) {
-        match self.dimension {
+        match (self.dimension, self.in_series) {
             _ if self.walls.is_empty() => (),
-            2 => self.give::<2, INPUTS_2D, SUMS_2D, PUSH_2D>(world, velocity, time),
-            _ => self.give::<3, INPUTS_3D, SUMS_3D, PUSH_3D>(world, velocity, time),
+            (2, false) => {
+                let survey = self.survey_kernel::<2, false>();
+                self.give::<2, INPUTS_2D, SUMS_2D, PUSH_2D>(&survey, world, velocity, time);
+            }
+            (2, true) => {
+                let survey = self.survey_kernel::<2, true>();
+                self.give::<2, INPUTS_2D, SUMS_2D, PUSH_2D>(&survey, world, velocity, time);
+            }
+            (_, false) => {
+                let survey = self.survey_kernel::<3, false>();
+                self.give::<3, INPUTS_3D, SUMS_3D, PUSH_3D>(&survey, world, velocity, time);
+            }
+            (_, true) => {
+                let survey = self.survey_kernel::<3, true>();
+                self.give::<3, INPUTS_3D, SUMS_3D, PUSH_3D>(&survey, world, velocity, time);
+            }
         }
     }
 
     /// Gives the walls the opposite of what pressure and viscosity do to the fluid in a time (s).
     fn give<const D: usize, const I: usize, const O: usize, const P: usize>(
         &mut self,
+        survey: &impl BondKernel<I, O>,
         world: &World,
         held: &[SlotField],
         time: f64,
     ) {
         let mut walls = std::mem::take(&mut self.walls);
-        let (survey, moment) = (self.survey_kernel::<D>(), self.complete.moment);
+        let moment = self.complete.moment;
         let moving = |point: usize| -> [f64; I] {
             let slot = self.family.slot_of(point);
             std::array::from_fn(|i| match i {
@@ -225,7 +246,7 @@ impl Conservative {
         let pressed = |point: usize| self.pressed::<P>(point);
         walls.give(world, time, |wall, n| {
             let forces = SurveySums::<D>::VISCOUS;
-            let viscous: [f64; O] = wall.velocity_part::<D, I, O>(n, &survey, &moving, &forces);
+            let viscous: [f64; O] = wall.velocity_part::<D, I, O>(n, survey, &moving, &forces);
             let pressure: [f64; D] = wall.pressure_part(n, &Push::<D>, &pressed, moment);
             let mut force = Vector3::zeros();
             for a in 0..D {
@@ -288,6 +309,7 @@ impl Rates for Conservative {
     }
 
     fn set_viscosity(&mut self, medium: &Medium) {
+        self.in_series = medium.viscosity.needs_shear_rate();
         medium.viscosity.load(&self.family, &mut self.viscosity);
     }
 
@@ -309,9 +331,11 @@ impl Rates for Conservative {
             slope,
             moment: self.complete.moment,
         });
-        match self.dimension {
-            2 => self.survey::<2, INPUTS_2D, SUMS_2D>(velocity),
-            _ => self.survey::<3, INPUTS_3D, SUMS_3D>(velocity),
+        match (self.dimension, self.in_series) {
+            (2, false) => self.survey::<2, INPUTS_2D, SUMS_2D, false>(velocity),
+            (2, true) => self.survey::<2, INPUTS_2D, SUMS_2D, true>(velocity),
+            (_, false) => self.survey::<3, INPUTS_3D, SUMS_3D, false>(velocity),
+            (_, true) => self.survey::<3, INPUTS_3D, SUMS_3D, true>(velocity),
         }
         for (n, (slots, &(a, b))) in self.inverse.iter_mut().zip(&COMPONENTS).enumerate() {
             let inverse = |point: usize| self.surveyed[point].inverse[n];

@@ -21,10 +21,12 @@
 
 use perimelt_core::{Bond, BondKernel};
 
+use crate::fluid::viscosity::of_bond;
 use crate::shape_tensor::{COMPONENTS, CompleteFamily, components};
 
-/// All sums over the velocity and density around a point in one pass, from [`SurveyInputs`] to [`SurveySums`].
-pub(super) struct Survey<const D: usize> {
+/// All sums over the velocity and density around a point in one pass, from [`SurveyInputs`] to [`SurveySums`]; for the viscosity of
+/// bonds see [`of_bond`].
+pub(super) struct Survey<const D: usize, const IN_SERIES: bool> {
     /// `2 / a`, 1/m.
     laplacian: f64,
     /// m.
@@ -76,7 +78,7 @@ pub(super) fn kernel_over_influence(fraction: f64) -> f64 {
     (1.0 - fraction) * (1.0 + 4.0 * fraction)
 }
 
-impl<const D: usize> Survey<D> {
+impl<const D: usize, const IN_SERIES: bool> Survey<D, IN_SERIES> {
     pub(super) fn new(complete: &CompleteFamily, horizon: f64, is_central: bool) -> Self {
         Survey {
             laplacian: 2.0 / complete.moment,
@@ -90,7 +92,9 @@ impl<const D: usize> Survey<D> {
     }
 }
 
-impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey<D> {
+impl<const D: usize, const I: usize, const O: usize, const IN_SERIES: bool> BondKernel<I, O>
+    for Survey<D, IN_SERIES>
+{
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
         let Bond { xi, weight, .. } = *bond;
@@ -112,7 +116,7 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey
         }
         let diffusive = weight * self.laplacian;
         let viscosity = SurveyInputs::<D>::VISCOSITY;
-        let viscous = diffusive * 0.5 * (own[viscosity] + other[viscosity]);
+        let viscous = diffusive * of_bond::<IN_SERIES>(own[viscosity], other[viscosity]);
         let stretch: f64 = (0..D).map(|a| held[a] * xi[a]).sum();
         let (plain, central) = (viscous * self.plain, viscous * self.central * stretch);
         let mut work = central * stretch;

@@ -147,7 +147,7 @@ impl Plasticity {
             .enumerate()
             .for_each(|(i, (values, &m))| {
                 let temperature = temperature.map_or(0.0, |t| t[i]);
-                self.constants.load(m as usize, temperature, values);
+                self.constants.load(m as usize, temperature, 0.0, values);
                 if let Some((strength, given)) = given {
                     values[strength] = given[i];
                 }

@@ -2,6 +2,7 @@
 
 use perimelt_core::{Bond, BondKernel};
 
+use crate::fluid::viscosity::of_bond;
 use crate::shape_tensor::{COMPONENTS, components, is_diagonal};
 
 /// Where the inputs of [`Outflow`] and [`Carry`] begin: the flux of mass `m + D s`, density, velocity; and how many each has.
@@ -76,17 +77,20 @@ impl<const D: usize, const I: usize> BondKernel<I, D> for In<D, Carry> {
     }
 }
 
-/// Force and work of viscosity, from velocity and viscosity.
-pub(super) struct Viscosity<const D: usize> {
+/// Force and work of viscosity, from velocity and viscosity; for the viscosity of bonds see [`of_bond`].
+pub(super) struct Viscosity<const D: usize, const IN_SERIES: bool> {
     /// `2 / a`, 1/m.
     pub(super) laplacian: f64,
 }
 
-impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Viscosity<D> {
+impl<const D: usize, const I: usize, const O: usize, const IN_SERIES: bool> BondKernel<I, O>
+    for Viscosity<D, IN_SERIES>
+{
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
         let viscosity = ViscosityInputs::<D>::VISCOSITY;
-        let viscous = 0.5 * bond.weight * self.laplacian * (own[viscosity] + other[viscosity]);
+        let viscosity = of_bond::<IN_SERIES>(own[viscosity], other[viscosity]);
+        let viscous = bond.weight * self.laplacian * viscosity;
         let mut sums = [0.0; O];
         for a in 0..D {
             let difference = other[a] - own[a];
@@ -130,7 +134,7 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Mapped
             stretch += mean * bond.xi[a] * bond.xi[b];
         }
         let factor = 1.0 + stretch * bond.inverse_length * bond.inverse_length;
-        let viscosity = Viscosity::<D> {
+        let viscosity = Viscosity::<D, false> {
             laplacian: self.laplacian * factor,
         };
         viscosity.bond(bond, own, other)

@@ -234,17 +234,21 @@ impl Fluxes {
         let laplacian = 2.0 * self.inverse();
         match (self.dimension, self.motion.is_some()) {
             _ if self.walls.is_empty() => (),
-            (2, false) => {
-                self.give::<2, PLAIN_2D, VISCOUS_2D>(Viscosity::<2> { laplacian }, world, time)
-            }
+            (2, false) => self.give::<2, PLAIN_2D, VISCOUS_2D>(
+                Viscosity::<2, false> { laplacian },
+                world,
+                time,
+            ),
             (2, true) => self.give::<2, MAPPED_2D, VISCOUS_2D>(
                 MappedViscosity::<2> { laplacian },
                 world,
                 time,
             ),
-            (_, false) => {
-                self.give::<3, PLAIN_3D, VISCOUS_3D>(Viscosity::<3> { laplacian }, world, time)
-            }
+            (_, false) => self.give::<3, PLAIN_3D, VISCOUS_3D>(
+                Viscosity::<3, false> { laplacian },
+                world,
+                time,
+            ),
             (_, true) => self.give::<3, MAPPED_3D, VISCOUS_3D>(
                 MappedViscosity::<3> { laplacian },
                 world,
@@ -291,6 +295,16 @@ impl Fluxes {
     }
 }
 
+/// How viscosity acts along bonds.
+enum ViscousBonds {
+    /// With the mean of the ends.
+    Mean,
+    /// With the halves in series.
+    InSeries,
+    /// With the mean, and the tensor of points that follow walls.
+    Mapped,
+}
+
 impl Rates for Fluxes {
     fn family(&self) -> &Family {
         &self.family
@@ -326,24 +340,38 @@ impl Rates for Fluxes {
             density,
         };
         let laplacian = 2.0 * self.inverse();
-        match (self.dimension, self.motion.is_some()) {
-            (2, false) => {
-                self.find_viscosity::<2, PLAIN_2D, VISCOUS_2D>(Viscosity::<2> { laplacian }, &flow)
+        let bonds = match (
+            self.motion.is_some(),
+            terms.medium.viscosity.needs_shear_rate(),
+        ) {
+            (true, _) => ViscousBonds::Mapped,
+            (false, false) => ViscousBonds::Mean,
+            (false, true) => ViscousBonds::InSeries,
+        };
+        match (self.dimension, bonds) {
+            (2, ViscousBonds::Mean) => {
+                let kernel = Viscosity::<2, false> { laplacian };
+                self.find_viscosity::<2, PLAIN_2D, VISCOUS_2D>(kernel, &flow);
             }
-            (2, true) => {
-                self.find_viscosity::<2, MAPPED_2D, VISCOUS_2D>(
-                    MappedViscosity::<2> { laplacian },
-                    &flow,
-                );
+            (2, ViscousBonds::InSeries) => {
+                let kernel = Viscosity::<2, true> { laplacian };
+                self.find_viscosity::<2, PLAIN_2D, VISCOUS_2D>(kernel, &flow);
             }
-            (_, false) => {
-                self.find_viscosity::<3, PLAIN_3D, VISCOUS_3D>(Viscosity::<3> { laplacian }, &flow)
+            (2, ViscousBonds::Mapped) => {
+                let kernel = MappedViscosity::<2> { laplacian };
+                self.find_viscosity::<2, MAPPED_2D, VISCOUS_2D>(kernel, &flow);
             }
-            (_, true) => {
-                self.find_viscosity::<3, MAPPED_3D, VISCOUS_3D>(
-                    MappedViscosity::<3> { laplacian },
-                    &flow,
-                );
+            (_, ViscousBonds::Mean) => {
+                let kernel = Viscosity::<3, false> { laplacian };
+                self.find_viscosity::<3, PLAIN_3D, VISCOUS_3D>(kernel, &flow);
+            }
+            (_, ViscousBonds::InSeries) => {
+                let kernel = Viscosity::<3, true> { laplacian };
+                self.find_viscosity::<3, PLAIN_3D, VISCOUS_3D>(kernel, &flow);
+            }
+            (_, ViscousBonds::Mapped) => {
+                let kernel = MappedViscosity::<3> { laplacian };
+                self.find_viscosity::<3, MAPPED_3D, VISCOUS_3D>(kernel, &flow);
             }
         }
         match self.dimension {

@@ -9,9 +9,10 @@ use perimelt_core::{Axis, Face, Family, FamilySpec, Influence, Pddo, SlotField};
 use super::PointMotion;
 use crate::advection::Convection;
 use crate::fluid::eulerian::fluxes::{FluxDomain, Fluxes};
-use crate::fluid::medium::{Coefficient, Medium};
+use crate::fluid::medium::Medium;
 use crate::fluid::rates::{Rates, Terms};
 use crate::fluid::state::{State, Tait};
+use crate::fluid::viscosity::Viscosity;
 use crate::fluid::walls::Walls;
 use crate::shape_tensor::CompleteFamily;
 use crate::testing::block;
@@ -29,7 +30,8 @@ impl Channel {
     fn new(dimension: usize, n: usize, mirrored: &[Face]) -> Channel {
         let cells = std::array::from_fn(|a| if a < dimension { n } else { 1 });
         let spacing = 1.0 / n as f64;
-        let mut body = block(cells, dimension, spacing, Store::Lattice, "density = 2");
+        let fluid = "density = 2\nviscosity = 3";
+        let mut body = block(cells, dimension, spacing, Store::Lattice, fluid);
         let closed = |axis: &Axis| mirrored.iter().any(|f| f.axis() == axis.index());
         let axes = Axis::ALL.into_iter().take(dimension);
         let axes: Vec<Axis> = axes.filter(|a| !closed(a)).collect();
@@ -50,8 +52,7 @@ impl Channel {
             motion: Some(motion),
         };
         let rates = Fluxes::new(Convection::Hybrid, &body, domain);
-        let mut viscosity = Coefficient::new(Vec::new(), &vec![0; points]);
-        viscosity.value.fill(3.0);
+        let viscosity = Viscosity::new(None, &body).expect("a viscosity");
         let state = State::Tait(Tait {
             sound_speed: 10.0,
             exponent: 1.0,
