@@ -13,6 +13,7 @@ use perimelt::core::{
 use perimelt::physics::mechanical::moduli::Elasticity;
 use perimelt::physics::mechanical::ordinary::Ordinary;
 use perimelt::physics::mechanical::solid::{Constitution, EnergyKind, Solid, Wanted};
+use perimelt::physics::mechanical::stretch::{BodyLaw, Linear, Pairs};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -174,7 +175,7 @@ fn vibrating(steps_per_period: f64, periods: f64, coupled: bool, iteration: &str
 
 /// Kinetic, elastic and thermal energy, J: `rho v²/2`, `W(total stretch)`, `rho c theta²/(2 T0)`
 /// (`docs/theory/thermomechanics.md`, eq. 4: their sum is kept where no heat is conducted).
-fn energies(simulation: &Simulation, elastic: &mut Ordinary) -> [f64; 3] {
+fn energies(simulation: &Simulation, elastic: &mut dyn Solid) -> [f64; 3] {
     let volume = &simulation.world().body(0).points.volume;
     elastic.set_displacement(&values(simulation, "displacement"), &[]);
     let velocity = values(simulation, "velocity");
@@ -208,8 +209,9 @@ fn energy_over_twenty_periods(steps: f64, coupled: bool, iteration: &str) -> [f6
     let modulus = body.materials[0].get("youngs_modulus").cloned();
     let modulus = vec![modulus.expect("given above")];
     let elasticity = Elasticity::bond_based(modulus, body.dimension);
-    let mut elastic =
-        Ordinary::new(body, family, Constitution::elastic(elasticity)).expect("elastic");
+    let law = Pairs(BodyLaw::new(Linear {}, [0.0; 4]));
+    let elastic = Ordinary::new(body, family, Constitution::elastic(elasticity), law);
+    let mut elastic = elastic.expect("elastic");
     let start: f64 = energies(&simulation, &mut elastic).iter().sum();
     let [mut worst, mut thermal, mut change]: [f64; 3] = [0.0; 3];
     while !simulation.is_finished() {

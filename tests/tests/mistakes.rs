@@ -288,6 +288,9 @@ mistakes! {
     viscosity_law_without_its_key: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.tait.sound_speed = 1\nviscosity.power_law = {}\n[[couplers]]\ntype = \"phase_change\"";
     viscosity_law_without_a_constant: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.tait.sound_speed = 1\nviscosity.herschel_bulkley = { largest = 100 }\n[[couplers]]\ntype = \"phase_change\"";
     viscosity_law_with_a_bound_of_zero: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.tait.sound_speed = 1\nviscosity.power_law = { largest = 0 }\n[[couplers]]\ntype = \"phase_change\"";
+    law_that_is_unknown: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nlaw.linaer = {}\n[[couplers]]\ntype = \"phase_change\"";
+    key_of_a_law_without_keys: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nlaw.linear = { stiffness = 2 }\n[[couplers]]\ntype = \"phase_change\"";
+    law_of_flow_as_law: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nlaw.j2 = {}\n[[couplers]]\ntype = \"phase_change\"";
     horizon_of_zero: "horizon = 2\n" => "horizon = 0\n";
     steel_without_composition: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"metallurgy\"\n[[couplers]]\ntype = \"phase_change\"";
     two_physics_of_one_field: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"thermal\"\n[[couplers]]\ntype = \"phase_change\"";

@@ -67,7 +67,10 @@ impl SectionContext<'_> {
                     false => known,
                 };
                 let reworded = at(format!("unknown {what} `{name}` in {}", self.name));
-                let help = format!("known here: {}", known.join(", "));
+                let help = match known.is_empty() {
+                    true => "there are no keys here".into(),
+                    false => format!("known here: {}", known.join(", ")),
+                };
                 match nearest(name, known.iter().copied()) {
                     Some(close) => {
                         let mut keys = path.clone();

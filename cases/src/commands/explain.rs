@@ -9,6 +9,7 @@ use perimelt_core::material::{MaterialSection, ValueRange, known_properties};
 use perimelt_core::plugin::{Registration, registered};
 use perimelt_core::{Coupler, Physics};
 use perimelt_physics::fluid::viscosity::ViscositySweep;
+use perimelt_physics::mechanical::law::ElasticLaw;
 use perimelt_physics::mechanical::plasticity::FlowSweep;
 use schemars::schema_for;
 use serde_json::Value;
@@ -331,6 +332,11 @@ fn known() -> Vec<(String, String, Value)> {
             .iter()
             .map(|r| section(r.name, "[[couplers]]", (r.schema)())),
     );
+    all.push(section(
+        <dyn ElasticLaw>::KEY,
+        "law.<name> = { ... } in `mechanical`",
+        schema_for!(Law<dyn ElasticLaw>),
+    ));
     all.push(section(
         <dyn FlowSweep>::KEY,
         "flow.<name> = { ... } in `mechanical`",

@@ -8,6 +8,7 @@ use perimelt_core::material::known_properties;
 use perimelt_core::plugin::{Registration, registered};
 use perimelt_core::{Change, Coupler, Physics};
 use perimelt_physics::fluid::viscosity::ViscositySweep;
+use perimelt_physics::mechanical::law::ElasticLaw;
 use perimelt_physics::mechanical::plasticity::FlowSweep;
 use schemars::SchemaGenerator;
 
@@ -33,6 +34,7 @@ pub fn run(args: &ListArgs) -> Done {
     plugins::<dyn Physics>(out)?;
     writeln!(out, "\nCouplers ([[couplers]], type = ...)")?;
     plugins::<dyn Coupler>(out)?;
+    laws::<dyn ElasticLaw>(out, "mechanical")?;
     laws::<dyn FlowSweep>(out, "mechanical")?;
     laws::<dyn ViscositySweep>(out, "fluid")?;
     writeln!(out, "\nFields (the common ones; plugins may add their own)")?;

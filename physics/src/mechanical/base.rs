@@ -8,12 +8,13 @@ use perimelt_core::{Body, BondKernel, BrokenBonds, Family, SlotField};
 
 use super::classical::{Point, symmetric};
 use super::elastic::ElasticPoints;
-use super::fracture::Fracture;
+use super::fracture::{BondEnergy, Fracture};
 use super::gradient::Gradient;
 use super::layer_forces::{LayerForces, Summed};
 use super::moduli::Moduli;
 use super::nodes::Nodes;
 use super::plasticity::Plasticity;
+use super::residual::Tangent;
 use super::solid::{Constitution, EnergyKind, StrainKind, StressKind};
 
 /// Properties of a formulation.
@@ -24,6 +25,14 @@ pub struct Properties {
     /// Whether the stiffness is symmetric under plastic flow: forces must be the derivative of an energy of the strain
     /// that enters the flow rule.
     pub has_symmetric_plastic_tangent: bool,
+}
+
+/// Properties of a law of elasticity.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ElasticProperties {
+    pub(super) is_linear: bool,
+    /// Largest stiffness at the strains for which the law is meant, over that at no strain.
+    pub(super) steepest: f64,
 }
 
 /// The bonds of a body that are summed over.
@@ -53,6 +62,7 @@ pub struct SolidBase {
     /// Horizon of each point, m.
     pub(super) horizons: Vec<f64>,
     pub(super) properties: Properties,
+    pub(super) elastic_law: ElasticProperties,
     pub(super) elastic: ElasticPoints,
     pub(super) plasticity: Option<Plasticity>,
     pub(super) fracture: Option<Fracture>,
@@ -86,6 +96,10 @@ impl SolidBase {
             dimension,
             horizons: body.points.horizons(family.spec().horizon),
             properties,
+            elastic_law: ElasticProperties {
+                is_linear: true,
+                steepest: 1.0,
+            },
             elastic: ElasticPoints::new(body, elasticity, finite),
             plasticity,
             fracture,
@@ -132,13 +146,22 @@ impl SolidBase {
         self.plasticity.as_mut()
     }
 
-    /// Whether the stiffness is symmetric under plastic flow.
-    pub(super) fn has_symmetric_plastic_tangent(&self) -> bool {
-        let law = self
-            .plasticity
-            .as_ref()
-            .is_none_or(Plasticity::is_symmetric);
-        law && self.properties.has_symmetric_plastic_tangent
+    /// How the forces change with the displacement.
+    pub(super) fn tangent(&self) -> Tangent {
+        let is_linear = self.elastic_law.is_linear;
+        match (&self.plasticity, is_linear, self.elastic.finite) {
+            (Some(_), ..) | (None, false, false) => Tangent::Linearised,
+            (None, true, false) => Tangent::Stiffness,
+            (None, _, true) => Tangent::Differences,
+        }
+    }
+
+    /// Whether the linearised forces have a symmetric stiffness.
+    pub(super) fn has_symmetric_tangent(&self) -> bool {
+        let is_symmetric = |plasticity: &Plasticity| {
+            plasticity.is_symmetric() && self.properties.has_symmetric_plastic_tangent
+        };
+        self.plasticity.as_ref().is_none_or(is_symmetric)
     }
 
     /// Moduli of a point at its present temperature.
@@ -215,12 +238,14 @@ impl SolidBase {
         }
     }
 
-    /// Evaluates the limits of bonds at the temperature of each point, K, if they can have changed; whether they can.
+    /// Evaluates the limits of bonds at the temperature of each point, K, if they can have changed; whether they can. `energy`
+    /// is that of a bond whose law is not linear.
     pub(super) fn load_limits(
         &mut self,
         body: &Body,
         temperature: Option<&[f64]>,
         moduli_changed: bool,
+        energy: Option<BondEnergy<'_>>,
     ) -> bool {
         let Some(fracture) = &mut self.fracture else {
             return false;
@@ -228,7 +253,7 @@ impl SolidBase {
         if !moduli_changed && fracture.is_constant() {
             return false;
         }
-        fracture.load(body, temperature, |i| self.elastic.moduli(i));
+        fracture.load(body, temperature, |i| self.elastic.moduli(i), energy);
         true
     }
 

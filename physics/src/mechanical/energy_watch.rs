@@ -295,7 +295,8 @@ impl MechanicalRun {
         let d = body.dimension as f64;
         let of_point = |(i, volume): (usize, &f64)| {
             let moduli = self.solid.base().moduli_of(i);
-            volume * d * d * moduli.bulk * moduli.swelling.powi(2)
+            let stiffness = volume * d * d * moduli.bulk * moduli.swelling.powi(2);
+            stiffness * self.solid.base().elastic_law.steepest
         };
         let volumes = body.points.volume.iter().enumerate();
         self.scratch.stiffness = volumes.map(of_point).collect();

@@ -37,8 +37,8 @@ struct FreeRigidModes {
 }
 
 impl Statics {
-    /// Solvers for a body; `is_linear` if its forces are linear in the displacement.
-    pub(super) fn new(solver: &MechanicalSolver, is_linear: bool) -> Self {
+    /// Solvers for a body whose forces have a `tangent`.
+    pub(super) fn new(solver: &MechanicalSolver, tangent: Tangent) -> Self {
         let options = match solver {
             MechanicalSolver::Relaxation(options) => *options,
             _ => RelaxationOptions::default(),
@@ -46,7 +46,7 @@ impl Statics {
         Statics {
             newton: Newton::new(NewtonOptions {
                 relative_tolerance: 0.0,
-                linear: is_linear,
+                linear: tangent == Tangent::Stiffness,
                 ..NewtonOptions::default()
             }),
             relaxation: Relaxation::new(options),
@@ -90,8 +90,8 @@ impl Statics {
         // Traction layers follow the points, but points do not follow the layers: this makes the tangent
         // nonsymmetric. So does plastic flow that follows another strain than that of the bonds, or whose law is nonsymmetric.
         let nonsymmetric = residual.rules.iter().any(|r| r.traction.is_some())
-            || residual.tangent == Tangent::Plastic
-                && !residual.solid.base().has_symmetric_plastic_tangent();
+            || residual.tangent == Tangent::Linearised
+                && !residual.solid.base().has_symmetric_tangent();
         self.newton.options.krylov = match nonsymmetric {
             true => KrylovMethod::Gmres,
             false => KrylovMethod::ConjugateGradient,
@@ -161,6 +161,7 @@ pub(super) fn newton(
     let (body_force, present) = (nodes.loads(loads, points), nodes.present(points));
     let state = nodes.unknowns(&mut displacement, corners);
     let mut residual = Residual {
+        tangent: solid.base().tangent(),
         solid: &mut **solid,
         homogeneous: rules.iter().map(LayerRule::homogeneous).collect(),
         rules: &rules,
@@ -169,7 +170,6 @@ pub(super) fn newton(
         constraint,
         present: &present,
         dimension: body.dimension,
-        tangent: Tangent::of(is_plastic, statics.newton.options.linear),
     };
     statics.update(&mut residual, body, points)?;
     let rigid = statics.rigid.as_ref().map(|rigid| &rigid.space);
@@ -359,6 +359,7 @@ fn load_fictitious_mass(
         solid.set_displacement(u, &homogeneous);
         solid.stiffness(Stiffness::Elastic, out);
     });
-    let factor = fictitious_mass(stiffest, 1.0);
+    let steepest = solid.base().elastic_law.steepest;
+    let factor = fictitious_mass(stiffest * steepest, 1.0);
     masses.iter_mut().for_each(|mass| *mass *= factor);
 }

@@ -122,6 +122,30 @@ impl FractureState {
     }
 }
 
+/// Energy of a bond at an elastic stretch, over its initial stiffness.
+pub(super) type BondEnergy<'a> = &'a (dyn Fn(f64) -> f64 + Sync);
+
+/// The stretch at which an energy, near its square, has a value; infinite where it does not reach it.
+fn stretch_of_energy(value: f64, energy: impl Fn(f64) -> f64) -> f64 {
+    /// Beyond the stretch of any bond.
+    const LARGEST: f64 = 1e6;
+    let (mut low, mut high) = (0.0, value.sqrt());
+    while !(energy(high) > value) {
+        (low, high) = (high, 2.0 * high);
+        if !(high < LARGEST) {
+            return f64::INFINITY;
+        }
+    }
+    for _ in 0..f64::MANTISSA_DIGITS {
+        let middle = 0.5 * (low + high);
+        match energy(middle) > value {
+            true => high = middle,
+            false => low = middle,
+        }
+    }
+    high
+}
+
 #[derive(Debug)]
 enum Strength {
     Stretch(Property),
@@ -211,12 +235,13 @@ impl Fracture {
         self.strength.iter().all(constant)
     }
 
-    /// Evaluates the limit of each point at its temperature, K.
+    /// Evaluates the limit of each point at its temperature, K; `bond` is the energy of a bond whose law is not linear.
     pub fn load(
         &mut self,
         body: &Body,
         temperature: Option<&[f64]>,
         moduli: impl Fn(usize) -> Moduli + Sync,
+        bond: Option<BondEnergy<'_>>,
     ) {
         for i in 0..self.critical.len() {
             if self.unbreakable[i] {
@@ -228,13 +253,15 @@ impl Fracture {
                 self.criterion,
             ) {
                 (Strength::Stretch(stretch), _) => at(stretch),
-                (Strength::Energy(energy), _) => self.limit_of_energy(at(energy), [i; 2], &moduli),
+                (Strength::Energy(energy), _) => {
+                    self.limit_of_energy(at(energy), [i; 2], &moduli, bond)
+                }
             };
         }
         let mut crossings = std::mem::take(&mut self.crossings);
         crossings.load(&self.critical, |limit, ends| match limit {
             Limit::Stretch(stretch) => stretch,
-            Limit::Energy(energy) => self.limit_of_energy(energy, ends, &moduli),
+            Limit::Energy(energy) => self.limit_of_energy(energy, ends, &moduli, bond),
         });
         self.crossings = crossings;
     }
@@ -245,14 +272,29 @@ impl Fracture {
         energy: f64,
         ends: [usize; 2],
         moduli: &impl Fn(usize) -> Moduli,
+        bond: Option<BondEnergy<'_>>,
     ) -> f64 {
         if self.compares_energy() {
             let factors = [2.0, std::f64::consts::FRAC_PI_2, 4.0 / 3.0];
             return factors[self.dimension - 1] * energy;
         }
-        let of_square = |i: usize| self.energy_of_square(&moduli(i)) * self.horizon[i];
+        let of_square = |i: usize| {
+            let [bonds, dilatation] = self.energies_of_square(&moduli(i));
+            (bonds + dilatation) * self.horizon[i]
+        };
         let [own, other] = ends.map(of_square);
-        (energy / (0.5 * (own + other))).sqrt()
+        let linear = (energy / (0.5 * (own + other))).sqrt();
+        let Some(bond) = bond else {
+            return linear;
+        };
+        let fractions = ends.map(|i| {
+            let [bonds, dilatation] = self.energies_of_square(&moduli(i));
+            bonds / (bonds + dilatation)
+        });
+        let fraction = 0.5 * (fractions[0] + fractions[1]);
+        stretch_of_energy(linear * linear, |stretch| {
+            2.0 * fraction * bond(stretch) + (1.0 - fraction) * stretch * stretch
+        })
     }
 
     /// Adds what bonds with limits of their own exceed them by; `ratio` is the load over the mean limit of the ends of a
@@ -271,12 +313,14 @@ impl Fracture {
             .add_excess(family, is_broken, ratio, &mut self.excess);
     }
 
-    /// Energy of a crack over horizon and square of the critical stretch, Pa.
-    fn energy_of_square(&self, moduli: &Moduli) -> f64 {
+    /// Energies of bonds and dilatation at a crack over horizon and square of the critical stretch, Pa.
+    fn energies_of_square(&self, moduli: &Moduli) -> [f64; 2] {
         use std::f64::consts::PI;
         let dilatation = [0.0, 16.0 / (9.0 * PI * PI), 0.75f64.powi(4)][self.dimension - 1];
-        moduli.bond_stiffness(self.dimension) * self.crossing
-            + 2.0 * moduli.dilatation_stiffness(self.dimension) * dilatation
+        [
+            moduli.bond_stiffness(self.dimension) * self.crossing,
+            2.0 * moduli.dilatation_stiffness(self.dimension) * dilatation,
+        ]
     }
 
     /// Breaks the bonds of which the load over their limit, from `ratio`, is at least 1 and at least `fraction` of the largest;

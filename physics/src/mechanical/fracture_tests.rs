@@ -31,7 +31,7 @@ fn strength(dimension: usize, material: &str, spec: &FamilySpec, criterion: Crit
     let of = |name| material.constant(name).expect("given");
     let plane = Plane::Stress;
     let moduli = Moduli::new(of("youngs_modulus"), of("poissons_ratio"), dimension, plane);
-    fracture.load(setup.body(0), None, |_| moduli);
+    fracture.load(setup.body(0), None, |_| moduli, None);
     fracture.critical[0]
 }
 

@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::fracture::FractureSection;
+use super::law::ElasticLaw;
 use super::moduli::Plane;
 use super::plasticity::{FlowSweep, PlasticitySection};
 use super::section::Section;
@@ -20,9 +21,12 @@ pub struct Mechanical {
     /// Body that deforms; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
-    /// Law of the bond forces.
+    /// How forces follow the displacement.
     #[serde(default)]
     pub formulation: Formulation,
+    /// Law of elasticity, such as `law.linear = {}`, which is the default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub law: Option<Law<dyn ElasticLaw>>,
     /// Plane stress or plane strain, for a 2D body.
     #[serde(default)]
     pub plane: Plane,
@@ -79,7 +83,7 @@ pub struct Mechanical {
     pub surface_stress: SurfaceStress,
 }
 
-/// Law of the bond forces, which limits Poisson's ratio.
+/// How forces follow the displacement, which limits Poisson's ratio.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Formulation {
@@ -94,6 +98,18 @@ pub enum Formulation {
     Correspondence,
     /// Displacements at the corners of the cells of a lattice, stresses at the points: for metal that yields or is deposited.
     Staggered,
+}
+
+impl Formulation {
+    /// Its name in a case file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Formulation::Bond => "bond",
+            Formulation::Ordinary => "ordinary",
+            Formulation::Correspondence => "correspondence",
+            Formulation::Staggered => "staggered",
+        }
+    }
 }
 
 /// Measure of stretch.

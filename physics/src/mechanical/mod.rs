@@ -26,6 +26,7 @@
 //! | [`solid`], `base` | what the solvers need of a formulation, and what all formulations have |
 //! | `nodes` | where the unknown displacement of a formulation lives |
 //! | [`plasticity`] | plastic flow: the law [`plasticity::FlowLaw`], and the states of points |
+//! | [`law`] | laws of elasticity as plugins |
 //! | [`ordinary`], [`stretch`] | bond-based and ordinary state-based solids, their bond kernels and the law [`stretch::BondLaw`] |
 //! | [`correspondence`] | correspondence solids |
 //! | [`staggered`] | staggered solids: displacements at the corners of cells |
@@ -33,6 +34,8 @@
 //! | `stress_free` | stress-free strains that vary in space, as seen by the shape tensor |
 
 mod base;
+#[cfg(test)]
+mod bond_law_tests;
 mod classical;
 #[cfg(test)]
 mod cloud_tests;
@@ -58,11 +61,13 @@ mod growth;
 mod interface_tests;
 pub mod interfaces;
 pub mod keys;
+pub mod law;
 mod layer_forces;
 #[cfg(test)]
 mod layer_forces_tests;
 #[cfg(test)]
 mod layer_tests;
+pub mod linear;
 pub mod moduli;
 mod momentum;
 #[cfg(test)]

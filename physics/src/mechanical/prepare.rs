@@ -6,19 +6,18 @@ use perimelt_core::solver::Verlet;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Body, Correction, Face, Family, FamilySpec, Horizon, Setup, SetupError, keys};
 
-use super::correspondence::Correspondence;
 use super::energy::Energy;
 use super::equilibrium::Statics;
 use super::fields::{Features, Fields, LawState};
 use super::fracture::{Criterion, Fracture};
 use super::growth;
 use super::keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
+use super::law::{ChosenLaw, Parts};
 use super::moduli::Elasticity;
 use super::momentum::Balanced;
-use super::ordinary::Ordinary;
 use super::plasticity::{ChosenFlow, Plasticity};
-use super::solid::{Constitution, PointStates, Solid};
-use super::staggered::{self, Springs, Staggered};
+use super::solid::{Constitution, PointStates};
+use super::staggered;
 use super::step::{MechanicalRun, MechanicalState};
 use super::surface_stress::{Extrapolation, SurfaceStress};
 use super::validity::{Validity, shear_warning};
@@ -34,6 +33,12 @@ pub(super) fn run(
         keys.flow.take(),
         keys.annealing_temperature,
     )?;
+    let law = ChosenLaw::of(keys.law.take(), keys.formulation)?;
+    if let (false, Some(flow)) = (law.is_linear(), &flow) {
+        let message = format!("plastic flow stands beside `{}`", law.name());
+        let expected = "`law.linear`: laws of flow start from a stress in proportion to the strain";
+        return Err(SetupError::value(flow.key(), message, expected));
+    }
     let keys = &*keys;
     let body = setup.find_body(keys.body.as_deref())?;
     growth::check(keys, setup, body)?;
@@ -54,6 +59,14 @@ pub(super) fn run(
         );
         let expected = "`by = \"body_force\"` in `traction`, or a solver of equilibrium: `quasi_static`, `relaxation`";
         return Err(SetupError::value("solver", message, expected));
+    }
+    if let (false, Some(rule)) = (law.is_linear(), &bent) {
+        let message = format!(
+            "the traction on face `{}` acts by a layer, whose strain is that of a linear law",
+            rule.face.name()
+        );
+        let expected = "`by = \"body_force\"` in `traction`, or `law.linear`";
+        return Err(SetupError::value(law.name(), message, expected));
     }
     if let Some(rule) = bent {
         growth::check_layer(setup, body, rule.face)?;
@@ -81,9 +94,15 @@ pub(super) fn run(
         breaks: constitution.fracture.is_some(),
     };
     let is_plastic = features.flow.is_some();
-    let is_linear = !(constitution.finite || is_plastic);
     let validity = Validity::new(setup.body(body), !constitution.finite, is_plastic);
-    let mut solid = solid(keys, setup, body, family, constitution)?;
+    let mut solid = law.solid(Parts {
+        body: setup.body(body),
+        family,
+        constitution,
+        formulation: keys.formulation,
+        stabilisation: keys.stabilisation,
+        constants: &law.constants(setup.body(body))?,
+    })?;
     if let (Some(_), Some(present)) = (
         solid.base().nodes.corners(),
         setup.world().present_points(body),
@@ -93,6 +112,7 @@ pub(super) fn run(
             ..PointStates::default()
         });
     }
+    let statics = Statics::new(&keys.solver, solid.base().tangent());
     let density = setup.world().density_at_points(body)?;
     let fields = Fields::declare(setup, body, features)?;
     Ok(MechanicalRun {
@@ -108,7 +128,7 @@ pub(super) fn run(
         free_inverse_density: density.iter().flat_map(|rho| [1.0 / rho; 3]).collect(),
         density,
         relative_volume: relative_volumes(setup.body(body)),
-        statics: Statics::new(&keys.solver, is_linear),
+        statics,
         eigenstrain_size: 0.0,
         scratch: Default::default(),
         section_forces: vec![[0.0; 3]; keys.sections.len()],
@@ -214,48 +234,5 @@ fn constitution(
             Some(section) => Some(Fracture::of(section, setup, body, family)?),
             None => None,
         },
-    })
-}
-
-fn solid(
-    keys: &Mechanical,
-    setup: &Setup<'_>,
-    body: BodyIndex,
-    family: Arc<Family>,
-    constitution: Constitution,
-) -> Result<Box<dyn Solid>, SetupError> {
-    let body = setup.body(body);
-    let refused = |error| SetupError::other("", error);
-    match keys.formulation {
-        Formulation::Bond | Formulation::Ordinary => {
-            let solid = Ordinary::new(body, family, constitution);
-            Ok(Box::new(solid.map_err(refused)?))
-        }
-        Formulation::Correspondence => {
-            let stabilisation = keys.stabilisation.unwrap_or(0.1);
-            let solid = Correspondence::new(body, family, constitution, stabilisation);
-            Ok(Box::new(solid.map_err(refused)?))
-        }
-        Formulation::Staggered => staggered(keys, body, constitution),
-    }
-}
-
-/// The staggered solid of a body on a lattice.
-fn staggered(
-    keys: &Mechanical,
-    body: &Body,
-    constitution: Constitution,
-) -> Result<Box<dyn Solid>, SetupError> {
-    let lattice = staggered::lattice(body)?;
-    let springs = match (keys.stabilisation, &constitution.plasticity) {
-        (Some(factor), _) => Springs::Factor(factor),
-        (None, None) => Springs::Bending,
-        // elastic springs hold what has yielded beside them (docs/theory/mechanics.md)
-        (None, Some(_)) => Springs::Factor(if body.dimension == 3 { 0.2 } else { 0.3 }),
-    };
-    Ok(match body.dimension {
-        1 => Box::new(Staggered::<1>::new(body, lattice, constitution, springs)),
-        2 => Box::new(Staggered::<2>::new(body, lattice, constitution, springs)),
-        _ => Box::new(Staggered::<3>::new(body, lattice, constitution, springs)),
     })
 }

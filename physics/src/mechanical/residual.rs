@@ -26,21 +26,10 @@ pub(super) struct Residual<'a> {
 pub(super) enum Tangent {
     /// By the elastic stiffness.
     Stiffness,
-    /// By the elastic-plastic stiffness.
-    Plastic,
+    /// By the stiffness of the linearised state.
+    Linearised,
     /// By differences of forces.
     Differences,
-}
-
-impl Tangent {
-    /// The tangent of a body; `is_linear` if its forces are linear in the displacement.
-    pub(super) fn of(is_plastic: bool, is_linear: bool) -> Self {
-        match (is_plastic, is_linear) {
-            (true, _) => Tangent::Plastic,
-            (false, true) => Tangent::Stiffness,
-            (false, false) => Tangent::Differences,
-        }
-    }
 }
 
 impl Residual<'_> {
@@ -82,7 +71,7 @@ impl Rhs for Residual<'_> {
         match self.tangent {
             Tangent::Differences => return Ok(false),
             Tangent::Stiffness => self.rate_of_change(direction, Stiffness::Elastic, out),
-            Tangent::Plastic => self.rate_of_change(direction, Stiffness::Plastic, out),
+            Tangent::Linearised => self.rate_of_change(direction, Stiffness::Tangent, out),
         }
         Ok(true)
     }
@@ -103,7 +92,7 @@ impl Rhs for Residual<'_> {
 
     /// Called once in each iteration, right after the rate of its state.
     fn tangent_diagonal(&mut self, at: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
-        if self.tangent == Tangent::Plastic {
+        if self.tangent == Tangent::Linearised {
             self.solid.linearise(at.damping);
         }
         for (out, block) in out.chunks_exact_mut(3).zip(self.solid.blocks()) {

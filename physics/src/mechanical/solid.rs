@@ -63,11 +63,11 @@ pub trait Solid: Debug + Sync {
     /// [`Plasticity`], which [`Wanted::force`] sets.
     fn evaluate(&mut self, wanted: Wanted<'_>) -> Evaluated<'_>;
 
-    /// Linearises the plastic flow about the displacement that was set and the trial state of its force, for
-    /// [`Stiffness::Plastic`].
+    /// Linearises the forces about the displacement that was set and the trial state of its force, for
+    /// [`Stiffness::Tangent`]; plastic flow with a fraction of the elastic stiffness, the damping.
     fn linearise(&mut self, damping: f64);
 
-    /// Stiffness times the displacement that was set, N/m³, about the undeformed shape, whatever the kinematics.
+    /// Stiffness times the displacement that was set, N/m³, with the directions of the undeformed shape, whatever the kinematics.
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]);
 
     /// Diagonal block of the elastic stiffness of each point, N/m⁵, or an estimate of it.
@@ -214,8 +214,8 @@ pub enum EnergyKind {
 pub enum Stiffness {
     /// The linear part of minus the force.
     Elastic,
-    /// Elastic-plastic, by the flow that was linearised.
-    Plastic,
+    /// By the law of elasticity and the plastic flow that were linearised.
+    Tangent,
 }
 
 /// The strain from which a stress is evaluated.

@@ -111,7 +111,9 @@ impl Correspondence {
     }
 
     fn load_limits(&mut self, body: &Body, temperature: Option<&[f64]>, moduli_changed: bool) {
-        let changed = self.base.load_limits(body, temperature, moduli_changed);
+        let changed = self
+            .base
+            .load_limits(body, temperature, moduli_changed, None);
         if let (true, Some(fracture)) = (changed, &self.base.fracture) {
             let [_, limits] = &mut self.inputs.strength;
             limits.load(&self.base.family, &fracture.critical[..], Mirrored::Scalar);
@@ -354,7 +356,7 @@ impl Solid for Correspondence {
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {
         self.load_gradient();
         let strain = match (kind, &mut self.base.plasticity) {
-            (Stiffness::Plastic, Some(plasticity)) => {
+            (Stiffness::Tangent, Some(plasticity)) => {
                 let values = &self.gradient.values;
                 plasticity.follow(|i| values[i]);
                 StrainKind::Change

@@ -11,8 +11,8 @@ use crate::mechanical::fracture::{BondLoads, Fracture, NewBreaks};
 use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
 use crate::mechanical::stretch::{
-    Breaking, Dilation, Energy, Force, INPUTS, LinearStates, Load, PLASTIC_INPUTS, Plastic,
-    Stiffness, with_law,
+    BondForce, Breaking, Dilation, Energy, Force, INPUTS, LINEAR_STATES, Load, PLASTIC_INPUTS,
+    Plastic, Stiffness, Tangent,
 };
 
 /// Which forces are summed.
@@ -22,11 +22,13 @@ pub(super) enum Sum {
     Force,
     /// Minus the forces of the linear elastic body.
     Stiffness,
+    /// Minus the change of the forces about the displacement that was linearised.
+    Tangent,
     /// Forces of a change of displacement and inelastic strain.
     Change,
 }
 
-impl Ordinary {
+impl<L: BondForce> Ordinary<L> {
     /// Evaluates the pressure of the displacement that was set.
     pub(super) fn load_pressure(&mut self, strain: StrainKind, finite: bool) {
         let Some(dilatation) = &mut self.dilatation else {
@@ -115,19 +117,20 @@ impl Ordinary {
         match sum {
             Sum::Change => {
                 self.sum_plastic_kernel::<D>(
-                    Force::<false, _>(LinearStates),
+                    Force::<false, _>(LINEAR_STATES),
                     Inputs::plastic_change,
                     out,
                 );
                 out.par_iter_mut().for_each(|f| *f = -*f);
             }
-            Sum::Stiffness => {
-                with_law!(self.law, law => self.sum_kernel::<D>(&Stiffness(law), out))
+            Sum::Stiffness => self.sum_kernel::<D>(&Stiffness(self.law), out),
+            Sum::Tangent => {
+                self.sum_kernel_of::<_, D>(&Tangent(self.law), Inputs::tangent, out);
             }
             Sum::Force if self.base.plasticity.is_some() => specialise!(FINITE = finite =>
-                self.sum_plastic_kernel::<D>(Force::<FINITE, _>(LinearStates), Inputs::plastic, out)),
-            Sum::Force => with_law!(self.law, law => specialise!(FINITE = finite =>
-                self.sum_kernel::<D>(&Force::<FINITE, _>(law), out))),
+                self.sum_plastic_kernel::<D>(Force::<FINITE, _>(LINEAR_STATES), Inputs::plastic, out)),
+            Sum::Force => specialise!(FINITE = finite =>
+                self.sum_kernel::<D>(&Force::<FINITE, _>(self.law), out)),
         }
     }
 
@@ -147,12 +150,22 @@ impl Ordinary {
         inputs: fn(&Inputs) -> [&[f64]; PLASTIC_INPUTS],
         out: &mut [f64],
     ) {
-        let (kernel, inputs) = (Plastic(kernel), inputs(&self.inputs));
+        self.sum_kernel_of::<PLASTIC_INPUTS, D>(&Plastic(kernel), inputs, out);
+    }
+
+    /// Sums a kernel of forces with further inputs, layers included.
+    fn sum_kernel_of<const I: usize, const D: usize>(
+        &mut self,
+        kernel: &impl BondKernel<I, D>,
+        inputs: fn(&Inputs) -> [&[f64]; I],
+        out: &mut [f64],
+    ) {
+        let inputs = inputs(&self.inputs);
         let broken = self.base.fracture.as_ref().map(Fracture::broken);
         let sums = flat::<D>(&mut self.base.padded, bytemuck::cast_slice_mut(out));
-        (self.base.family).sum_unbroken(&kernel, inputs, broken, sums);
+        (self.base.family).sum_unbroken(kernel, inputs, broken, sums);
         unflatten::<D>(&self.base.padded, out);
-        self.base.complete(&kernel, inputs, out);
+        self.base.complete(kernel, inputs, out);
     }
 
     /// Forces and, in the same sweep, the excess of bonds over their limit.
@@ -165,12 +178,13 @@ impl Ordinary {
         let (vectors, _) = out.as_chunks_mut::<3>();
         let sums = (vectors, &mut fracture.excess[..]);
         let broken = Some(&fracture.state.broken);
-        with_law!(self.law, law => specialise!(FINITE = finite, ENERGY = energy => {
+        let law = self.law;
+        specialise!(FINITE = finite, ENERGY = energy => {
             let kernel = Breaking::<D, FINITE, _, ENERGY>(law);
             inputs.sum_forces_and_excess(&kernel, broken, sums);
             let kernel = Force::<FINITE, _>(law);
             self.base.complete::<_, D>(&kernel, inputs.first(), out);
-        }));
+        });
     }
 
     /// The excess of the bonds of a plastic body.
@@ -186,7 +200,7 @@ impl Ordinary {
         excess.for_each(|(excess, [_, load])| *excess = *load);
     }
 
-    fn load_kernel(&self) -> Load {
+    fn load_kernel(&self) -> Load<L> {
         Load {
             finite: self.base.elastic.finite,
             energy: (self.base.fracture.as_ref()).is_some_and(Fracture::compares_energy),
@@ -206,7 +220,7 @@ impl Ordinary {
         let conjugate = |point: usize, bond: &Bond, other: usize| {
             let [own, other] = ends(family.slot_of(point), other);
             let [_, stress] = specialise!(FINITE = finite =>
-                Energy::<FINITE> { law }.bond(bond, own, other));
+                Energy::<FINITE, L>(law).bond(bond, own, other));
             let Some(dilatation) = dilatation else {
                 return stress;
             };
@@ -226,7 +240,10 @@ impl Ordinary {
 }
 
 /// Load of a bond over the mean limit of its ends, from the slots of both.
-fn elastic_ratio(load: Load, inputs: &Inputs) -> impl Fn(&Bond, usize, usize) -> f64 + Sync {
+fn elastic_ratio<L: BondForce>(
+    load: Load<L>,
+    inputs: &Inputs,
+) -> impl Fn(&Bond, usize, usize) -> f64 + Sync {
     let inputs = inputs.first::<INPUTS>();
     move |bond: &Bond, own: usize, other: usize| {
         let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
@@ -235,7 +252,10 @@ fn elastic_ratio(load: Load, inputs: &Inputs) -> impl Fn(&Bond, usize, usize) ->
 }
 
 /// Load of a bond over the mean limit of its ends, with a plastic strain.
-fn plastic_ratio(load: Load, inputs: &Inputs) -> impl Fn(&Bond, usize, usize) -> f64 + Sync {
+fn plastic_ratio<L: BondForce>(
+    load: Load<L>,
+    inputs: &Inputs,
+) -> impl Fn(&Bond, usize, usize) -> f64 + Sync {
     let (kernel, inputs) = (Plastic(load), inputs.plastic());
     move |bond: &Bond, own: usize, other: usize| {
         let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));

@@ -4,10 +4,12 @@ use std::sync::Arc;
 
 use perimelt_core::family::{ByImage, Continuation, Mirrored, PointValues};
 use perimelt_core::{BondKernel, BrokenBonds, Family, Image, SlotField};
+use rayon::prelude::*;
 
 use crate::mechanical::classical::{diagonal, image_of};
 use crate::mechanical::stretch::{
-    CRITICAL, EIGENSTRAIN, INPUTS, PLASTIC_INPUTS, PRESSURE, Plastic, STIFFNESS, Uniform,
+    CRITICAL, EIGENSTRAIN, INPUTS, PLASTIC_INPUTS, PRESSURE, Plastic, STIFFNESS, TANGENT_INPUTS,
+    Uniform,
 };
 
 /// What the kernels of a body need besides displacement, eigenstrain and stiffness.
@@ -19,6 +21,8 @@ pub(super) struct Needs {
     pub(super) limits: bool,
     /// The inelastic strain.
     pub(super) inelastic: bool,
+    /// The displacement about which forces are linearised.
+    pub(super) tangent: bool,
 }
 
 /// Inputs of the bond kernels of a body.
@@ -29,6 +33,8 @@ pub(super) struct Inputs {
     pub(super) slots: [SlotField; INPUTS],
     /// Components of the inelastic strain; empty without plasticity.
     inelastic: [SlotField; 6],
+    /// The displacement about which forces are linearised; empty where they are linear.
+    about: [SlotField; 3],
     /// Takes the place of inputs that the body does not have.
     zeros: SlotField,
     /// Eigenstrain, stiffness and limit where they are the same for all points; the other entries are zero.
@@ -52,6 +58,7 @@ impl Inputs {
             has_pressure: needs.pressure,
             slots: std::array::from_fn(|i| field(needed(i))),
             inelastic: std::array::from_fn(|_| field(needs.inelastic)),
+            about: std::array::from_fn(|axis| field(needs.tangent && axis < dimension)),
             zeros,
             uniform: None,
             family,
@@ -106,6 +113,23 @@ impl Inputs {
     pub(super) fn plastic(&self) -> [&[f64]; PLASTIC_INPUTS] {
         std::array::from_fn(|i| match i.checked_sub(INPUTS) {
             Some(component) => &self.inelastic[component][..],
+            None => self.get(i),
+        })
+    }
+
+    /// Keeps the displacement for [`Inputs::tangent`].
+    pub(super) fn keep_displacement(&mut self) {
+        let kept = self.about.iter_mut().zip(&self.slots);
+        for (kept, now) in kept.filter(|(kept, _)| !kept.is_empty()) {
+            kept.set(now.par_iter().copied());
+        }
+    }
+
+    /// The inputs of [`Tangent`](crate::mechanical::stretch::Tangent).
+    pub(super) fn tangent(&self) -> [&[f64]; TANGENT_INPUTS] {
+        std::array::from_fn(|i| match i.checked_sub(INPUTS) {
+            Some(axis) if self.about[axis].is_empty() => &self.zeros,
+            Some(axis) => &self.about[axis],
             None => self.get(i),
         })
     }

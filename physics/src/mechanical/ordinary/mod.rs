@@ -10,9 +10,9 @@ use std::sync::Arc;
 use perimelt_core::family::{AxisPlane, LayerRule, Mirrored};
 use perimelt_core::{Body, Family, SlotField};
 
-use super::base::{Properties, SolidBase};
+use super::base::{ElasticProperties, Properties, SolidBase};
 use super::classical::symmetric;
-use super::fracture::{Fracture, FractureState, NewBreaks};
+use super::fracture::{BondEnergy, Fracture, FractureState, NewBreaks};
 use super::gradient::{FlatFamily, Gradient};
 use super::solid::{
     Constitution, EnergyKind, Evaluated, PointModuli, PointStates, Solid, Stiffness, StrainKind,
@@ -20,8 +20,8 @@ use super::solid::{
 };
 use super::specialise::specialise;
 use super::stretch::{
-    Block, BondLaws, CRITICAL, EIGENSTRAIN, ElasticEnergy, Energy, Force, INPUTS, LinearPairs,
-    LinearStates, Plastic, STIFFNESS, Stress, WeightOverLength, with_law,
+    Block, BondForce, BondLaw, CRITICAL, EIGENSTRAIN, ElasticEnergy, Energy, Force, INPUTS,
+    LINEAR_STATES, Plastic, STIFFNESS, Stress, WeightOverLength,
 };
 use dilatation::Dilatation;
 use forces::Sum;
@@ -30,9 +30,10 @@ use inputs::{Inputs, Needs};
 /// A solid whose bonds carry forces along themselves: bond-based, or ordinary state-based where Poisson's ratio
 /// is that of the material.
 #[derive(Debug)]
-pub struct Ordinary {
+pub struct Ordinary<L> {
     base: SolidBase,
-    law: BondLaws,
+    /// The forces of the bonds.
+    law: L,
     horizons_differ: bool,
     /// `None` for a bond-based solid.
     dilatation: Option<Dilatation>,
@@ -41,9 +42,8 @@ pub struct Ordinary {
     inputs: Inputs,
 }
 
-impl Ordinary {
-    /// The solid of `body` with the given family; ordinary state-based if the elasticity has a Poisson's ratio of
-    /// its own.
+impl<L: BondForce> Ordinary<L> {
+    /// The solid of `body` with the given family and forces of its bonds.
     ///
     /// # Errors
     /// A plastic body with a point whose bonds do not span the dimensions.
@@ -51,12 +51,13 @@ impl Ordinary {
         body: &Body,
         family: Arc<Family>,
         constitution: Constitution,
+        law: L,
     ) -> Result<Self, FlatFamily> {
-        let is_ordinary = constitution.elasticity.has_free_poissons_ratio();
         let needs = Needs {
-            pressure: is_ordinary,
+            pressure: L::HAS_PRESSURE,
             limits: constitution.fracture.is_some(),
             inelastic: constitution.plasticity.is_some(),
+            tangent: !L::Law::IS_LINEAR,
         };
         let gradient = match needs.inelastic {
             true => Some(Gradient::new(body, &family)?),
@@ -67,14 +68,15 @@ impl Ordinary {
             // bonds carry forces along themselves, but flow follows the strain of whole families
             has_symmetric_plastic_tangent: false,
         };
-        let base = SolidBase::new(body, family, constitution, properties);
+        let mut base = SolidBase::new(body, family, constitution, properties);
+        base.elastic_law = ElasticProperties {
+            is_linear: L::Law::IS_LINEAR,
+            steepest: law.law().steepest(),
+        };
         let mut this = Ordinary {
-            law: match is_ordinary {
-                true => BondLaws::States(LinearStates),
-                false => BondLaws::Pairs(LinearPairs),
-            },
+            law,
             horizons_differ: base.horizons.windows(2).any(|h| h[0] != h[1]),
-            dilatation: is_ordinary.then(|| Dilatation::new(&base.family, body)),
+            dilatation: L::HAS_PRESSURE.then(|| Dilatation::new(&base.family, body)),
             gradient,
             inputs: Inputs::new(base.family.clone(), body.dimension, needs),
             base,
@@ -102,7 +104,15 @@ impl Ordinary {
         temperature: Option<&[f64]>,
         moduli_changed: bool,
     ) -> bool {
-        let changed = self.base.load_limits(body, temperature, moduli_changed);
+        let law = self.law.law();
+        let energy = |stretch: f64| law.mean_force(stretch) * stretch;
+        let energy: Option<BondEnergy<'_>> = match L::Law::IS_LINEAR {
+            true => None,
+            false => Some(&energy),
+        };
+        let changed = self
+            .base
+            .load_limits(body, temperature, moduli_changed, energy);
         if let (true, Some(fracture)) = (changed, &self.base.fracture) {
             self.inputs.load(CRITICAL, &fracture.critical[..]);
         }
@@ -132,6 +142,7 @@ impl Ordinary {
     fn sum_stress(&mut self) {
         let broken = self.base.fracture.as_ref().map(Fracture::broken);
         let kernel = Stress {
+            law: self.law,
             finite: self.base.elastic.finite,
             symmetric: self.horizons_differ,
         };
@@ -144,7 +155,7 @@ impl Ordinary {
     }
 }
 
-impl Ordinary {
+impl<L: BondForce> Ordinary<L> {
     fn set_moduli(&mut self, moduli: PointModuli<'_>) {
         let changed = self.base.elastic.set_moduli(moduli);
         if changed {
@@ -208,7 +219,7 @@ impl Ordinary {
         let broken = fracture.as_ref().map(Fracture::broken);
         let (finite, law, inputs) = (elastic.finite, self.law, &self.inputs);
         specialise!(FINITE = finite =>
-            inputs.sum::<INPUTS, 2>(&Energy::<FINITE> { law }, broken, energy));
+            inputs.sum::<INPUTS, 2>(&Energy::<FINITE, L>(law), broken, energy));
         if let Some(dilatation) = &mut self.dilatation {
             dilatation.sum(StrainKind::Total, finite, inputs, broken);
             for (i, [density, conjugate]) in energy.iter_mut().enumerate() {
@@ -235,9 +246,9 @@ impl Ordinary {
         let (finite, law, inputs) = (elastic.finite, self.law, &self.inputs);
         match plasticity {
             Some(_) => specialise!(FINITE = finite =>
-                inputs.sum_plastic(ElasticEnergy::<FINITE> { law }, broken, energy)),
+                inputs.sum_plastic(ElasticEnergy::<FINITE, L>(law), broken, energy)),
             None => specialise!(FINITE = finite =>
-                inputs.sum::<INPUTS, 2>(&ElasticEnergy::<FINITE> { law }, broken, energy)),
+                inputs.sum::<INPUTS, 2>(&ElasticEnergy::<FINITE, L>(law), broken, energy)),
         }
         if let Some(dilatation) = &mut self.dilatation {
             dilatation.sum(StrainKind::Elastic, finite, inputs, broken);
@@ -248,7 +259,7 @@ impl Ordinary {
     }
 }
 
-impl Solid for Ordinary {
+impl<L: BondForce> Solid for Ordinary<L> {
     fn base(&self) -> &SolidBase {
         &self.base
     }
@@ -316,16 +327,21 @@ impl Solid for Ordinary {
     }
 
     fn linearise(&mut self, damping: f64) {
+        self.inputs.keep_displacement();
         self.load_gradient();
         self.base.linearise(self.gradient.as_ref(), damping);
     }
 
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {
-        let (Stiffness::Plastic, Some(plasticity), Some(gradient)) =
+        let (Stiffness::Tangent, Some(plasticity), Some(gradient)) =
             (kind, &mut self.base.plasticity, &mut self.gradient)
         else {
             self.load_pressure(StrainKind::Total, false);
-            return self.sum_forces(Sum::Stiffness, out);
+            let sum = match kind == Stiffness::Tangent && !L::Law::IS_LINEAR {
+                true => Sum::Tangent,
+                false => Sum::Stiffness,
+            };
+            return self.sum_forces(sum, out);
         };
         let broken = self.base.fracture.as_ref().map(Fracture::broken);
         gradient.evaluate(&self.base.family, self.inputs.displacement(), broken);
@@ -360,7 +376,7 @@ impl Solid for Ordinary {
                 Some(dilatation) => 4.0 * a * dilatation.normaliser[i].powi(2) * sums[i][0],
                 None => 0.0,
             };
-            moduli.bond_stiffness(base.dimension) + added
+            moduli.bond_stiffness(base.dimension) * base.elastic_law.steepest + added
         };
         let mut slots = SlotField::default();
         slots.load(&base.family, stiffness, Mirrored::Scalar);
@@ -394,11 +410,11 @@ impl Solid for Ordinary {
         if self.base.plasticity.is_some() {
             let inputs = inputs.plastic();
             specialise!(FINITE = finite =>
-                family.sum_across(&Plastic(Force::<FINITE, _>(LinearStates)), inputs, broken, plane, receive));
+                family.sum_across(&Plastic(Force::<FINITE, _>(LINEAR_STATES)), inputs, broken, plane, receive));
         } else {
             let inputs = inputs.first::<INPUTS>();
-            with_law!(self.law, law => specialise!(FINITE = finite =>
-                family.sum_across(&Force::<FINITE, _>(law), inputs, broken, plane, receive)));
+            specialise!(FINITE = finite =>
+                family.sum_across(&Force::<FINITE, _>(self.law), inputs, broken, plane, receive));
         }
     }
 }

@@ -92,7 +92,7 @@ impl<const D: usize> Solid for Staggered<D> {
 
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {
         self.load_elastic_states();
-        if kind == Stiffness::Plastic {
+        if kind == Stiffness::Tangent {
             self.subtract_flow();
         }
         self.gather(1.0, false, out);

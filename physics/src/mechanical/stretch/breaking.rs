@@ -3,21 +3,22 @@
 use perimelt_core::{Bond, BondKernel};
 
 use super::{
-    BondLaw, BondLaws, CRITICAL, EIGENSTRAIN, Ends, INPUTS, elastic_stretch, stretched,
-    stretched_by, stretched_in,
+    BondForce, CRITICAL, EIGENSTRAIN, Ends, INPUTS, elastic_stretch, stretched, stretched_by,
+    stretched_in,
 };
 
 /// The kernel `Force` along `D` axes, and the sum of the excess of bonds over their limits (of energy if `ENERGY`).
 pub struct Breaking<const D: usize, const FINITE: bool, L, const ENERGY: bool>(pub L);
 
 /// The load of a bond over its limit (`[0]`), and its excess over the limit (`[1]`), as in [`Breaking`].
-pub struct Load {
+#[derive(Clone, Copy, Debug)]
+pub struct Load<L> {
     /// Finite kinematics.
     pub finite: bool,
     /// The limit is one of energy.
     pub energy: bool,
-    /// The law of the bonds.
-    pub law: BondLaws,
+    /// The forces of the bonds.
+    pub law: L,
 }
 
 /// Sum of the excess of bonds over their critical stretch, in a correspondence solid. Inputs: the displacement,
@@ -42,15 +43,8 @@ impl<const FINITE: bool> Excess<FINITE> {
         });
         let ends = Ends::new(&own, &other);
         let stretch = stretched::<FINITE, 3, _>(bond, ends).stretch();
-        load_and_limit(
-            false,
-            bond,
-            BondStretch {
-                stretch,
-                force: 0.0,
-            },
-            ends,
-        )
+        let elastic = elastic_stretch(stretch, ends);
+        (elastic, ends.mean(CRITICAL))
     }
 }
 
@@ -63,20 +57,26 @@ struct BondStretch {
 /// Load of a bond and its limit: thermo-elastic stretch, or energy and limit both times the weight. The load is
 /// positive in tension only.
 #[inline(always)]
-fn load_and_limit(energy: bool, bond: &Bond, stretched: BondStretch, ends: Ends<'_>) -> (f64, f64) {
+fn load_and_limit<L: BondForce>(
+    law: L,
+    energy: bool,
+    bond: &Bond,
+    stretched: BondStretch,
+    ends: Ends<'_>,
+) -> (f64, f64) {
     let BondStretch { stretch, force } = stretched;
     let elastic = elastic_stretch(stretch, ends);
     let limit = ends.mean(CRITICAL);
     match energy {
-        true => (
-            0.5 * force.max(0.0) * bond.length * elastic,
-            limit * bond.mean(),
-        ),
+        true => {
+            let mean = law.mean_tension(bond, stretch, ends, force);
+            (mean.max(0.0) * bond.length * elastic, limit * bond.mean())
+        }
         false => (elastic, limit),
     }
 }
 
-impl<const D: usize, const FINITE: bool, L: BondLaw, const ENERGY: bool> BondKernel<INPUTS, 4>
+impl<const D: usize, const FINITE: bool, L: BondForce, const ENERGY: bool> BondKernel<INPUTS, 4>
     for Breaking<D, FINITE, L, ENERGY>
 {
     const PAIRED: usize = if FINITE { D } else { 0 };
@@ -87,7 +87,8 @@ impl<const D: usize, const FINITE: bool, L: BondLaw, const ENERGY: bool> BondKer
         let change = stretched::<FINITE, D, _>(bond, ends);
         let stretch = change.stretch();
         let force = self.0.tension(bond, stretch, ends);
-        let (load, limit) = load_and_limit(ENERGY, bond, BondStretch { stretch, force }, ends);
+        let stretched = BondStretch { stretch, force };
+        let (load, limit) = load_and_limit(self.0, ENERGY, bond, stretched, ends);
         let mut sums = [0.0, 0.0, 0.0, (load - limit).max(0.0)];
         let vector = change.vector(force);
         (0..D).for_each(|axis| sums[axis] = vector[axis]);
@@ -106,7 +107,8 @@ impl<const D: usize, const FINITE: bool, L: BondLaw, const ENERGY: bool> BondKer
         let change = stretched_by::<FINITE, true, D, _>(bond, ends);
         let stretch = change.stretch_by::<true>();
         let force = self.0.tension(bond, stretch, ends);
-        let (load, limit) = load_and_limit(ENERGY, bond, BondStretch { stretch, force }, ends);
+        let stretched = BondStretch { stretch, force };
+        let (load, limit) = load_and_limit(self.0, ENERGY, bond, stretched, ends);
         here[3] += (load - limit).max(0.0);
         change.add_pull(force, [here, there]);
     }
@@ -125,7 +127,7 @@ impl<const FINITE: bool> BondKernel<EXCESS_INPUTS, 1> for Excess<FINITE> {
     }
 }
 
-impl BondKernel<INPUTS, 2> for Load {
+impl<L: BondForce> BondKernel<INPUTS, 2> for Load<L> {
     const RARE: bool = true;
 
     #[inline(always)]
@@ -133,7 +135,8 @@ impl BondKernel<INPUTS, 2> for Load {
         let ends = Ends::new(&own, &other);
         let stretch = stretched_in(self.finite, bond, ends).stretch();
         let force = self.law.tension(bond, stretch, ends);
-        let (load, limit) = load_and_limit(self.energy, bond, BondStretch { stretch, force }, ends);
+        let stretched = BondStretch { stretch, force };
+        let (load, limit) = load_and_limit(self.law, self.energy, bond, stretched, ends);
         [load / limit, (load - limit).max(0.0)]
     }
 }

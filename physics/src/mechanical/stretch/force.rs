@@ -2,12 +2,12 @@
 
 use perimelt_core::{Bond, BondKernel};
 
-use super::{BondLaw, EIGENSTRAIN, Ends, INPUTS, STIFFNESS, dyad, stretched, stretched_by};
+use super::{BondForce, Ends, INPUTS, STIFFNESS, dyad, elastic_stretch, stretched, stretched_by};
 
 /// Force density of the bonds, N/m³.
 pub struct Force<const FINITE: bool, L>(pub L);
 
-impl<const FINITE: bool, L: BondLaw, const D: usize> BondKernel<INPUTS, D> for Force<FINITE, L> {
+impl<const FINITE: bool, L: BondForce, const D: usize> BondKernel<INPUTS, D> for Force<FINITE, L> {
     const PAIRED: usize = if FINITE { D } else { 0 };
 
     #[inline(always)]
@@ -38,14 +38,44 @@ impl<const FINITE: bool, L: BondLaw, const D: usize> BondKernel<INPUTS, D> for F
 /// displacement makes.
 pub struct Stiffness<L>(pub L);
 
-impl<L: BondLaw, const D: usize> BondKernel<INPUTS, D> for Stiffness<L> {
+impl<L: BondForce, const D: usize> BondKernel<INPUTS, D> for Stiffness<L> {
     #[inline(always)]
-    fn bond(&self, bond: &Bond, mut own: [f64; INPUTS], mut other: [f64; INPUTS]) -> [f64; D] {
-        own[EIGENSTRAIN] = 0.0;
-        other[EIGENSTRAIN] = 0.0;
-        Force::<false, L>(self.0)
-            .bond(bond, own, other)
-            .map(|f: f64| -f)
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
+        let ends = Ends::new(&own, &other);
+        let change = stretched::<false, D, _>(bond, ends);
+        let force = self.0.along(bond, ends, change.stretch(), 1.0);
+        change.vector(force).map(|f| -f)
+    }
+}
+
+/// The change of minus [`Force`] with a change of the displacement, N/m³, about a displacement: inputs from [`INPUTS`] on are
+/// its components. The pressure is that of the change. In linear kinematics.
+pub struct Tangent<L>(pub L);
+
+/// Inputs of [`Tangent`].
+pub const TANGENT_INPUTS: usize = INPUTS + 3;
+
+impl<L: BondForce, const D: usize> BondKernel<TANGENT_INPUTS, D> for Tangent<L> {
+    #[inline(always)]
+    fn bond(
+        &self,
+        bond: &Bond,
+        own: [f64; TANGENT_INPUTS],
+        other: [f64; TANGENT_INPUTS],
+    ) -> [f64; D] {
+        let [own, other] = [own, other].map(|inputs| {
+            let [x, y, z, rest @ .., a, b, c] = inputs;
+            let [pressure, eigenstrain, stiffness, critical] = rest;
+            let change = [x, y, z, pressure, eigenstrain, stiffness, critical];
+            [change, [a, b, c, 0.0, eigenstrain, 0.0, 0.0]]
+        });
+        let about = Ends::new(&own[1], &other[1]);
+        let stretch = stretched::<false, 3, _>(bond, about).stretch();
+        let slope = self.0.law().slope(elastic_stretch(stretch, about));
+        let ends = Ends::new(&own[0], &other[0]);
+        let change = stretched::<false, D, _>(bond, ends);
+        let force = self.0.along(bond, ends, slope * change.stretch(), 1.0);
+        change.vector(force).map(|f| -f)
     }
 }
 

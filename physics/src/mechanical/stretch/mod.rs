@@ -1,7 +1,7 @@
 //! Bond kernels of solids with forces along the bonds: bond-based and ordinary state-based.
 //!
 //! ```text
-//! T_ij = [ c_i/2 (s - e) + p_i / |xi| ] w_ij n           Wang (2025), eqs. 3.3, 3.10
+//! T_ij = [ c_i/2 f(s - e) + p_i / |xi| ] w_ij n          Wang (2025), eqs. 3.3, 3.10, with f(s) = s
 //! f_i  = sum_j T_ij - T_ji
 //! s    = (|y_j - y_i| - |xi|) / |xi|                     finite kinematics, eq. 3.5
 //! s    = n . (u_j - u_i) / |xi|                          linear kinematics
@@ -15,8 +15,8 @@
 //! of horizons, since the weights contain the moment of the family), `e` the eigenstrain (thermal expansion), `mu` the shear modulus, `a` the dilatation stiffness, `d` the dimension. Wang (2025) subtracts the
 //! eigenstrain of the point, `e_i` and `d e_i`; in a one-sided family that leaves stress where the eigenstrain is linear, which
 //! a free body takes up without stress. In a bond-based solid `a` and `p` are zero, and a bond takes the mean of c at its ends.
-//! Forces are the derivative of the energy `sum_i V_i (a theta_i^2 + c_i/4 sum_j w_ij |xi| (s - e)^2)`, with single and dual
-//! horizons.
+//! Forces are the derivative of the energy `sum_i V_i (a theta_i^2 + c_i/2 sum_j w_ij |xi| phi(s - e))` with `phi' = f`, the
+//! law of the bonds ([`BondLaw`]), with single and dual horizons.
 
 mod adapters;
 mod breaking;
@@ -30,9 +30,9 @@ use perimelt_core::Bond;
 pub use adapters::{PLASTIC_INPUTS, Plastic, Uniform};
 pub use breaking::{Breaking, EXCESS_INPUTS, Excess, Load};
 pub use energy::{ElasticEnergy, Energy, Stress};
-pub use force::{Block, Force, Stiffness};
-pub(super) use law::with_law;
-pub use law::{BondLaw, BondLaws, LinearPairs, LinearStates};
+pub use force::{Block, Force, Stiffness, TANGENT_INPUTS, Tangent};
+pub(super) use law::LINEAR_STATES;
+pub use law::{BodyLaw, BondConstants, BondForce, BondLaw, Linear, Pairs, States};
 pub use sums::{
     Dilation, Directions, ElasticDilation, ElasticExpansion, Expansion, TotalWeight,
     WeightOverLength,

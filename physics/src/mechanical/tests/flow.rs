@@ -165,7 +165,7 @@ fn the_tangent_of_a_flowing_body_is_the_derivative_of_its_forces() {
             solid.linearise(0.0);
             solid.set_displacement(&direction, &[]);
             let (mut tangent, mut stiffness) = (vec![0.0; state.len()], vec![0.0; state.len()]);
-            solid.stiffness(Stiffness::Plastic, &mut tangent);
+            solid.stiffness(Stiffness::Tangent, &mut tangent);
             solid.set_displacement(&direction, &[]);
             solid.stiffness(Stiffness::Elastic, &mut stiffness);
             let size = |of: &dyn Fn(usize) -> f64| {
