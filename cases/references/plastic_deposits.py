@@ -19,7 +19,8 @@ base of 40 x 8 mm below a strip of 12 x 8 mm; the planes x = 0 and y = 0 are pla
   of `hot_layers`.
 
 Squares or bricks with the mean dilatation of each element ([Hughes1980]; not in plane stress), radial return with its
-consistent tangent, Newton's method. Prints the hydrostatic stress and one component in MPa as means over boxes of 1 mm:
+consistent tangent, Newton's method. `hot_layers`, `hot_spot` and `weld` take the time steps of the case files: what metal
+that cools has yielded depends on them to first order. Prints the hydrostatic stress and one component in MPa as means over boxes of 1 mm:
 from below in the second column from the plane of symmetry, in the first for `hot_spot`, in the one in the middle for
 `wall`; across the middle of the `weld`. Elements of 0.5 mm take seconds, for `wall` and `weld` some minutes. Needs
 NumPy and SciPy.
@@ -362,6 +363,14 @@ class Heated:
         body.relieve(self.fresh & born, hot & born)
 
 
+def times(*stages: tuple[float, float]) -> Array:
+    """Ends of steps, s, by stages with an end and a step each."""
+    ends = [0.0]
+    for end, step in stages:
+        ends += [*np.linspace(ends[-1], end, round((end - ends[-1]) / step) + 1)[1:]]
+    return np.array(ends[1:])
+
+
 def hot_layers(h: float) -> Body:
     """The strip is deposited in hot layers and cools."""
     body = strip(h)
@@ -371,10 +380,10 @@ def hot_layers(h: float) -> Body:
     for now in range(1, stage.max() + 1):
         start = (now - 1) * INTERVAL
         heated.deposit(stage == now, start)
-        for after in (0.0, 0.2, 0.4, 0.7, 1, 1.5, 2, 3, 4.5, 6):
+        for after in (0.0, *times((INTERVAL, 0.25))):
             heated.step(start + after)
-    for after in (8, 10, 13, 17, 22, 30, 45, 80):
-        heated.step(start + after)
+    for after in times((24, 1), (74, 10)):
+        heated.step(start + INTERVAL + after)
     return body
 
 
@@ -384,7 +393,7 @@ def hot_spot(h: float) -> Body:
     body.fixed[:, 0] = body.position[:, 0] == 0
     body.fixed[(body.position == 0).all(1)] = True
     heated = Heated(body, spot_temperature)
-    for time in (*np.linspace(0.1, 1, 10), *(1 + 20 * np.linspace(0.05, 1, 20) ** 2)):
+    for time in times((2, 0.05), (6, 0.25), (21, 1)):
         heated.step(time)
     return body
 
@@ -394,7 +403,7 @@ def weld(h: float) -> Body:
     sheet = Sheet(np.ones((round(30e-3 / h), round(40e-3 / h)), bool), h)
     sheet.fixed[:] = sheet.position == 0
     heated = Heated(sheet, weld_temperature)
-    for time in (*np.linspace(0.1, 1, 10), *(1 + 200 * np.linspace(0.025, 1, 40) ** 2)):
+    for time in times((1, 0.1), (5, 0.05), (21, 0.5), (101, 4), (201, 20)):
         heated.step(time)
     return sheet
 
