@@ -112,7 +112,7 @@ fn forces_are_the_derivative_of_the_energy_and_tangents_that_of_forces() {
             }
             let (up, down) = (force(&mut *solid, &at(1.0)), force(&mut *solid, &at(-1.0)));
             force(&mut *solid, &about);
-            solid.linearise();
+            solid.linearise(0.0);
             solid.set_displacement(&along, &[]);
             let mut tangent = vec![0.0; components];
             solid.stiffness(Stiffness::Tangent, &mut tangent);

@@ -23,7 +23,6 @@ fn a_drawn_bar_has_the_stress_of_the_law() {
         while !simulation.is_finished() {
             simulation.step().expect("a step");
         }
-        simulation.observe().expect("a state");
         let fields = simulation.world().fields();
         let stress = fields.find(0, "stress").expect("owned");
         for point in fields.field(stress).data().flat().chunks(9) {
