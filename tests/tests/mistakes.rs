@@ -291,6 +291,10 @@ mistakes! {
     law_that_is_unknown: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nlaw.linaer = {}\n[[couplers]]\ntype = \"phase_change\"";
     key_of_a_law_without_keys: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nlaw.linear = { stiffness = 2 }\n[[couplers]]\ntype = \"phase_change\"";
     law_of_flow_as_law: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nlaw.j2 = {}\n[[couplers]]\ntype = \"phase_change\"";
+    law_of_another_formulation: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nlaw.neo_hookean = {}\n";
+    law_without_its_kinematics: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nlaw.neo_hookean = {}\n";
+    law_beside_plastic_flow: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nkinematics = \"finite\"\nlaw.neo_hookean = {}\nflow.j2 = {}\n";
+    law_with_a_stretch_of_zero: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nkinematics = \"finite\"\nlaw.neo_hookean = { least_stretch = 0 }\n";
     horizon_of_zero: "horizon = 2\n" => "horizon = 0\n";
     steel_without_composition: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"metallurgy\"\n[[couplers]]\ntype = \"phase_change\"";
     two_physics_of_one_field: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"thermal\"\n[[couplers]]\ntype = \"phase_change\"";

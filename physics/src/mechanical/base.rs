@@ -14,6 +14,7 @@ use super::layer_forces::{LayerForces, Summed};
 use super::moduli::Moduli;
 use super::nodes::Nodes;
 use super::plasticity::Plasticity;
+use super::points::LawPoints;
 use super::residual::Tangent;
 use super::solid::{Constitution, EnergyKind, StrainKind, StressKind};
 
@@ -63,6 +64,8 @@ pub struct SolidBase {
     pub(super) horizons: Vec<f64>,
     pub(super) properties: Properties,
     pub(super) elastic_law: ElasticProperties,
+    /// The law of the points, if it is not linear.
+    pub(super) law_points: Option<LawPoints>,
     pub(super) elastic: ElasticPoints,
     pub(super) plasticity: Option<Plasticity>,
     pub(super) fracture: Option<Fracture>,
@@ -100,6 +103,7 @@ impl SolidBase {
                 is_linear: true,
                 steepest: 1.0,
             },
+            law_points: None,
             elastic: ElasticPoints::new(body, elasticity, finite),
             plasticity,
             fracture,
@@ -148,11 +152,13 @@ impl SolidBase {
 
     /// How the forces change with the displacement.
     pub(super) fn tangent(&self) -> Tangent {
-        let is_linear = self.elastic_law.is_linear;
-        match (&self.plasticity, is_linear, self.elastic.finite) {
-            (Some(_), ..) | (None, false, false) => Tangent::Linearised,
-            (None, true, false) => Tangent::Stiffness,
-            (None, _, true) => Tangent::Differences,
+        if self.plasticity.is_some() || self.law_points.is_some() {
+            return Tangent::Linearised;
+        }
+        match (self.elastic_law.is_linear, self.elastic.finite) {
+            (_, true) => Tangent::Differences,
+            (true, false) => Tangent::Stiffness,
+            (false, false) => Tangent::Linearised,
         }
     }
 
@@ -162,6 +168,7 @@ impl SolidBase {
             plasticity.is_symmetric() && self.properties.has_symmetric_plastic_tangent
         };
         self.plasticity.as_ref().is_none_or(is_symmetric)
+            && self.law_points.as_ref().is_none_or(LawPoints::is_symmetric)
     }
 
     /// Moduli of a point at its present temperature.

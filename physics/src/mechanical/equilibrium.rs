@@ -198,7 +198,7 @@ pub(super) fn newton(
     };
     let newton = &mut statics.newton;
     let report = match newton.solve(&mut residual, step.end(), state, hints) {
-        Err(error) if residual.tangent == Tangent::Differences => {
+        Err(error) if !(is_plastic || residual.tangent == Tangent::Stiffness) => {
             if !is_guessed {
                 let loads = size_of_loads(&mut residual, work, step.end(), rigid)?;
                 let options = &mut newton.options;

@@ -3,9 +3,12 @@
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::law::StateVariable;
 use perimelt_core::world::{BodyIndex, BondBreaker};
-use perimelt_core::{Access, Key, Read, ReadIfProvided, Setup, SetupError, Write, keys};
+use perimelt_core::{Access, Key, Read, ReadIfProvided, Setup, SetupError, World, Write, keys};
 
+use super::classical::{COMPONENTS, symmetric};
 use super::plasticity::Plasticity;
+use super::points::LawPoints;
+use super::variables::VariableStates;
 
 /// Handles of the fields of a body.
 #[derive(Debug)]
@@ -18,6 +21,8 @@ pub(super) struct Fields {
     /// Whether a coupler reads the conjugate stress, so that it is needed in each step.
     pub(super) conjugate_stress_is_read: bool,
     pub(super) plastic: Option<PlasticFields>,
+    /// State variables of the law of elasticity.
+    pub(super) law_variables: Vec<VariableField>,
     /// If bonds break.
     pub(super) damage: Option<Damage>,
     pub(super) eigenstrain: Option<Read<f64>>,
@@ -71,6 +76,39 @@ pub(super) enum VariableField {
     Tensor(Write<Matrix3<f64>>, usize),
 }
 
+impl VariableField {
+    /// Passes the field to the settled states; [`VariableStates::reject`] must follow.
+    pub(super) fn load(&self, world: &World, states: &mut VariableStates) {
+        match *self {
+            VariableField::Scalar(field, at) => {
+                let values = world.read::<f64>(field.into());
+                states.replace(at, values.iter().map(|value| [*value]));
+            }
+            VariableField::Tensor(field, at) => {
+                let values = world.read::<Matrix3<f64>>(field.into());
+                let components = |tensor: &Matrix3<f64>| COMPONENTS.map(|at| tensor[at]);
+                states.replace(at, values.iter().map(components));
+            }
+        }
+    }
+
+    /// Takes the settled states into the field.
+    pub(super) fn store(&self, world: &World, states: &VariableStates) {
+        match *self {
+            VariableField::Scalar(field, at) => {
+                let mut values = world.write(field);
+                let states = values.iter_mut().zip(states.values(at));
+                states.for_each(|(value, [state])| *value = state);
+            }
+            VariableField::Tensor(field, at) => {
+                let mut values = world.write(field);
+                let states = values.iter_mut().zip(states.values(at));
+                states.for_each(|(value, state)| *value = symmetric(&state));
+            }
+        }
+    }
+}
+
 /// The state variables of a law.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LawState {
@@ -84,6 +122,14 @@ impl LawState {
         LawState {
             law: plasticity.law_name(),
             variables: plasticity.state_variables(),
+        }
+    }
+
+    /// Those of a law of points.
+    pub(super) fn of_points(points: &LawPoints) -> Self {
+        LawState {
+            law: points.law_name(),
+            variables: points.state_variables(),
         }
     }
 
@@ -114,6 +160,8 @@ pub(super) struct Features {
     pub(super) is_explicit: bool,
     /// The law of flow, if it flows.
     pub(super) flow: Option<LawState>,
+    /// The law of elasticity, if it is one of points.
+    pub(super) law: Option<LawState>,
     pub(super) breaks: bool,
 }
 
@@ -127,6 +175,7 @@ impl Fields {
         let Features {
             is_explicit,
             flow,
+            law,
             breaks,
         } = features;
         let hold = match setup.consume_if_added(body, &keys::CONSTRAINT)? {
@@ -154,6 +203,10 @@ impl Fields {
                         .read_if_provided(body, &keys::TRANSFORMATION_COMPLIANCE)?,
                 }),
                 None => None,
+            },
+            law_variables: match law {
+                Some(law) => law.declare(setup, body)?,
+                None => Vec::new(),
             },
             damage: match breaks {
                 true => Some(Damage {

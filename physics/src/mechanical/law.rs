@@ -1,18 +1,26 @@
 //! Laws of elasticity as plugins: the key `law` of `mechanical`.
 //!
 //! A law is the struct of its keys in the case file, `law.<name> = { keys }`. Its kind decides which formulations it serves:
-//! [`BondLaw`] those with forces along bonds. Constants are properties of materials. `linear` serves all formulations.
+//! [`BondLaw`] those with forces along bonds, [`PointLaw`] `correspondence`; `linear` serves all. Constants are properties of
+//! materials.
 
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use perimelt_core::law::{Constant, Constants, Law, LawFacts, LawKind, LawRegistration};
-use perimelt_core::{Body, Family, SetupError};
+use perimelt_core::family::LayerRule;
+use perimelt_core::law::{
+    Constant, Constants, Law, LawFacts, LawKind, LawRegistration, StateVariable,
+};
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Access, Body, Family, Setup, SetupError, keys};
 
+use super::correspondence::{Correspondence, Settings};
 use super::gradient::FlatFamily;
 use super::keys::Formulation;
 use super::linear::LinearSolids;
 use super::ordinary::Ordinary;
+use super::plasticity::ChosenFlow;
+use super::points::{LawPoints, MOST_NUMBERS, Measure, PointLaw, PointResponse};
 use super::solid::{Constitution, Solid};
 use super::stretch::{BodyLaw, BondConstants, BondLaw, Linear, Pairs, States};
 
@@ -29,8 +37,10 @@ pub struct Parts<'a> {
     pub formulation: Formulation,
     /// Stabilisation G of modes without strain, if it is given.
     pub stabilisation: Option<f64>,
-    /// Constants of the law, in the order of their declaration.
-    pub constants: &'a [f64],
+    /// Name of the law.
+    pub name: &'static str,
+    /// Constants of the law.
+    pub constants: Constants,
 }
 
 /// A law of elasticity: it makes the solid that it is compiled into.
@@ -51,7 +61,7 @@ pub trait ElasticLaw: Debug + Send + Sync + erased_serde::Serialize {
     ///
     /// # Errors
     /// A body that the formulation does not support.
-    fn solid(&self, parts: Parts<'_>) -> Result<Box<dyn Solid>, SetupError>;
+    fn solid(self: Box<Self>, parts: Parts<'_>) -> Result<Box<dyn Solid>, SetupError>;
 }
 
 erased_serde::serialize_trait_object!(ElasticLaw);
@@ -98,22 +108,129 @@ impl<L: BondLaw> ElasticLaw for OfBonds<L> {
         self.0.prepare()
     }
 
-    fn solid(&self, parts: Parts<'_>) -> Result<Box<dyn Solid>, SetupError> {
+    fn solid(self: Box<Self>, parts: Parts<'_>) -> Result<Box<dyn Solid>, SetupError> {
+        let common = parts.constants.common();
+        let constants = common.map_err(|constant| {
+            let (name, body) = (key_of(parts.name), &parts.body.name);
+            let property = L::CONSTANTS[constant].property;
+            let message = format!("`{property}` is not one number for body `{body}`");
+            let expected = format!(
+                "the same number for all materials of the body: `{name}` does not change from point to point"
+            );
+            SetupError::value(name, message, expected)
+        })?;
         let Parts {
             body,
             family,
             constitution,
-            constants,
             ..
         } = parts;
         let mut values = BondConstants::default();
-        values[..constants.len()].copy_from_slice(constants);
+        values[..constants.len()].copy_from_slice(&constants);
         let law = BodyLaw::new(self.0, values);
         match constitution.elasticity.has_free_poissons_ratio() {
             true => boxed(Ordinary::new(body, family, constitution, States(law))),
             false => boxed(Ordinary::new(body, family, constitution, Pairs(law))),
         }
     }
+}
+
+/// A law of points.
+#[derive(Debug, serde::Serialize)]
+#[serde(transparent)]
+pub struct OfPoints<L>(L);
+
+impl<L: PointLaw> OfPoints<L> {
+    /// The formulations that the law serves.
+    pub const FORMULATIONS: &'static [Formulation] = &[Formulation::Correspondence];
+
+    /// What `perimelt explain` says besides the keys.
+    pub const FACTS: LawFacts = LawFacts {
+        constants: L::CONSTANTS,
+        state: {
+            assert!(StateVariable::width_of(L::STATE) <= MOST_NUMBERS);
+            L::STATE
+        },
+        others: &[
+            (
+                "strain",
+                match L::STRAIN {
+                    Measure::Strain => "small strain; of Green and Lagrange in finite kinematics",
+                    Measure::Gradient => "deformation gradient, in finite kinematics",
+                },
+            ),
+            (
+                "tangent",
+                if L::HAS_TANGENT {
+                    "closed form; central differences in plane stress"
+                } else {
+                    "central differences"
+                },
+            ),
+            ("formulations", "correspondence"),
+        ],
+    };
+}
+
+impl<L> From<L> for OfPoints<L> {
+    fn from(law: L) -> Self {
+        OfPoints(law)
+    }
+}
+
+impl<L: PointLaw> ElasticLaw for OfPoints<L> {
+    fn constants(&self) -> &'static [Constant] {
+        L::CONSTANTS
+    }
+
+    fn is_linear(&self) -> bool {
+        false
+    }
+
+    fn prepare(&mut self) -> Result<(), SetupError> {
+        PointLaw::prepare(&mut self.0)
+    }
+
+    fn solid(self: Box<Self>, parts: Parts<'_>) -> Result<Box<dyn Solid>, SetupError> {
+        let Parts {
+            body,
+            constitution,
+            name,
+            ..
+        } = &parts;
+        if body.dimension == 1 {
+            let message = format!("`{}` needs strains across", key_of(name));
+            let expected = "a body of two or three dimensions";
+            return Err(SetupError::value("body", message, expected));
+        }
+        if L::STRAIN == Measure::Gradient && !constitution.finite {
+            let message = format!("`{}` follows the deformation gradient", key_of(name));
+            return Err(SetupError::value(
+                "kinematics",
+                message,
+                "`kinematics = \"finite\"`",
+            ));
+        }
+        correspondence(parts, Some(Box::new(self.0)))
+    }
+}
+
+/// The correspondence solid of a body, whose points follow a law or the linear one.
+pub(super) fn correspondence(
+    parts: Parts<'_>,
+    law: Option<Box<dyn PointResponse>>,
+) -> Result<Box<dyn Solid>, SetupError> {
+    let points = |law| LawPoints::new(parts.name, law, parts.constants, parts.body);
+    let settings = Settings {
+        law: law.map(points),
+        stabilisation: parts.stabilisation.unwrap_or(0.1),
+    };
+    boxed(Correspondence::new(
+        parts.body,
+        parts.family,
+        parts.constitution,
+        settings,
+    ))
 }
 
 /// A solid, or the reason why a formulation does not support its body.
@@ -154,6 +271,14 @@ macro_rules! register_bond_law {
     };
 }
 
+/// Makes a [`PointLaw`] known as `law.<name>`, as [`register_bond_law!`](crate::register_bond_law) does a [`BondLaw`].
+#[macro_export]
+macro_rules! register_point_law {
+    ($name:literal, $law:ty) => {
+        $crate::register_elastic_law!($name, $law, $crate::mechanical::law::OfPoints<$law>);
+    };
+}
+
 #[doc(hidden)]
 #[macro_export]
 macro_rules! register_elastic_law {
@@ -179,9 +304,17 @@ fn quoted(formulation: Formulation) -> String {
     format!("\"{}\"", formulation.name())
 }
 
+/// The key of a law.
+fn key_of(name: &str) -> String {
+    format!("{}.{name}", <dyn ElasticLaw>::KEY)
+}
+
 /// The law of elasticity of a body.
 #[derive(Debug)]
-pub(super) struct ChosenLaw(Law<dyn ElasticLaw>);
+pub(super) struct ChosenLaw {
+    pub(super) law: Box<dyn ElasticLaw>,
+    pub(super) name: &'static str,
+}
 
 impl ChosenLaw {
     /// The law that the keys of a physics choose, and the linear one where they choose none.
@@ -192,72 +325,94 @@ impl ChosenLaw {
         law: Option<Law<dyn ElasticLaw>>,
         formulation: Formulation,
     ) -> Result<Self, SetupError> {
-        let Some(mut law) = law else {
-            return Ok(ChosenLaw(Law {
+        let Some(Law { name, mut law }) = law else {
+            return Ok(ChosenLaw {
                 name: "linear",
                 law: Box::new(LinearSolids::from(Linear {})),
-            }));
+            });
         };
         let all = || perimelt_core::inventory::iter::<ElasticRegistration>.into_iter();
         let serves = |r: &&ElasticRegistration| r.formulations.contains(&formulation);
-        if !all().filter(serves).any(|r| r.law.name == law.name) {
-            let own = all().filter(|r| r.law.name == law.name);
-            let fitting = own.flat_map(|r| r.formulations).map(|f| quoted(*f));
-            let mut others: Vec<_> = all().filter(serves).map(|r| r.law.name).collect();
+        if !all().filter(serves).any(|r| r.law.name == name) {
+            let own = all().filter(|r| r.law.name == name);
+            let fitting: Vec<_> = own
+                .flat_map(|r| r.formulations)
+                .map(|f| quoted(*f))
+                .collect();
+            let mut others: Vec<_> = all().filter(serves).map(|r| key_of(r.law.name)).collect();
             others.sort_unstable();
             let message = format!(
-                "the law `{}` does not fit `formulation` {}",
-                law.name,
+                "the law `{name}` does not fit `formulation` {}",
                 quoted(formulation)
             );
-            let fitting: Vec<_> = fitting.collect();
-            let mut expected = format!("`formulation` {}", fitting.join(" or "));
-            if !others.is_empty() {
-                expected += &format!(", or a law that fits: {}", others.join(", "));
-            }
-            return Err(SetupError::value(Self::KEY, message, expected));
+            let expected = format!(
+                "`formulation` {}, or one of the laws that fit: `{}`",
+                fitting.join(" or "),
+                others.join("`, `")
+            );
+            return Err(SetupError::value("law", message, expected));
         }
-        let key = format!("{}.{}", Self::KEY, law.name);
-        law.law.prepare().map_err(|error| SetupError {
-            key: format!("{key}.{}", error.key),
+        law.prepare().map_err(|error| SetupError {
+            key: format!("{}.{}", key_of(name), error.key),
             ..error
         })?;
-        Ok(ChosenLaw(law))
+        Ok(ChosenLaw { name, law })
     }
 
-    const KEY: &'static str = <dyn ElasticLaw as LawKind>::KEY;
-
-    /// Whether the stress is in proportion to the strain.
-    pub(super) fn is_linear(&self) -> bool {
-        self.0.law.is_linear()
-    }
-
-    /// The law in a message.
-    pub(super) fn name(&self) -> String {
-        format!("{}.{}", Self::KEY, self.0.name)
+    /// Refuses what only the linear law supports.
+    ///
+    /// # Errors
+    /// A flow, a traction by a layer or a stress-free strain with components beside another law.
+    pub(super) fn check(
+        &self,
+        setup: &Setup<'_>,
+        body: BodyIndex,
+        flow: Option<&ChosenFlow>,
+        bent: Option<&LayerRule>,
+    ) -> Result<(), SetupError> {
+        if self.law.is_linear() {
+            return Ok(());
+        }
+        let key = key_of(self.name);
+        let refuse = |message: String, expected: &str| {
+            Err(SetupError::value(
+                &key,
+                message,
+                format!("`law.linear`, or {expected}"),
+            ))
+        };
+        if let Some(flow) = flow {
+            let message = format!(
+                "the law of flow in `{}` starts from a stress in proportion to the strain",
+                flow.key()
+            );
+            return refuse(message, "no plastic flow");
+        }
+        if let Some(rule) = bent {
+            let message = format!(
+                "the traction on face `{}` acts by a layer, whose strain is that of a linear law",
+                rule.face.name()
+            );
+            return refuse(message, "`by = \"body_force\"` in `traction`");
+        }
+        if setup.world().is_growing(body) {
+            let message =
+                "material that is deposited or cut off takes its stress from a linear law";
+            return refuse(message.into(), "a body that does not change");
+        }
+        if setup.is_declared(body, &keys::INHERENT_STRAIN, Access::Add) {
+            let message = "an inherent strain makes its stress by a linear law";
+            return refuse(message.into(), "no inherent strain");
+        }
+        Ok(())
     }
 
     /// The constants of the law in a body.
     ///
     /// # Errors
-    /// A material without one of them, materials that differ in one or a dependence on the temperature.
-    pub(super) fn constants(&self, body: &Body) -> Result<Vec<f64>, SetupError> {
-        let constants = self.0.law.constants();
-        let name = self.name();
-        let of_body = Constants::of(body, &name, &name, constants)?;
-        let common = of_body.common();
-        common.map_err(|constant| {
-            let property = constants[constant].property;
-            let message = format!("`{property}` is not one number for body `{}`", body.name);
-            let expected = format!(
-                "the same number for all materials of the body: `{name}` does not change from point to point"
-            );
-            SetupError::value(&name, message, expected)
-        })
-    }
-
-    /// See [`ElasticLaw::solid`].
-    pub(super) fn solid(&self, parts: Parts<'_>) -> Result<Box<dyn Solid>, SetupError> {
-        self.0.law.solid(parts)
+    /// A material without one of them.
+    pub(super) fn constants(&self, body: &Body) -> Result<Constants, SetupError> {
+        let key = key_of(self.name);
+        Constants::of(body, &key, &key, self.law.constants())
     }
 }

@@ -4,9 +4,8 @@ use perimelt_core::law::{Constant, LawFacts};
 use perimelt_core::{Body, SetupError};
 use serde::Serialize;
 
-use super::correspondence::Correspondence;
 use super::keys::Formulation;
-use super::law::{ElasticLaw, OfBonds, Parts, boxed};
+use super::law::{ElasticLaw, OfBonds, Parts, correspondence};
 use super::solid::{Constitution, Solid};
 use super::staggered::{self, Springs, Staggered};
 use super::stretch::Linear;
@@ -58,25 +57,13 @@ impl ElasticLaw for LinearSolids {
         Ok(())
     }
 
-    fn solid(&self, parts: Parts<'_>) -> Result<Box<dyn Solid>, SetupError> {
-        let Parts {
-            body,
-            stabilisation,
-            ..
-        } = parts;
+    fn solid(self: Box<Self>, parts: Parts<'_>) -> Result<Box<dyn Solid>, SetupError> {
         match parts.formulation {
-            Formulation::Bond | Formulation::Ordinary => self.0.solid(parts),
-            Formulation::Correspondence => {
-                let stabilisation = stabilisation.unwrap_or(0.1);
-                let (family, constitution) = (parts.family, parts.constitution);
-                boxed(Correspondence::new(
-                    body,
-                    family,
-                    constitution,
-                    stabilisation,
-                ))
+            Formulation::Bond | Formulation::Ordinary => Box::new(self.0).solid(parts),
+            Formulation::Correspondence => correspondence(parts, None),
+            Formulation::Staggered => {
+                staggered(parts.body, parts.constitution, parts.stabilisation)
             }
-            Formulation::Staggered => staggered(body, parts.constitution, stabilisation),
         }
     }
 }

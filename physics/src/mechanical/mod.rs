@@ -28,14 +28,12 @@
 //! | [`plasticity`] | plastic flow: the law [`plasticity::FlowLaw`], and the states of points |
 //! | [`law`] | laws of elasticity as plugins |
 //! | [`ordinary`], [`stretch`] | bond-based and ordinary state-based solids, their bond kernels and the law [`stretch::BondLaw`] |
-//! | [`correspondence`] | correspondence solids |
+//! | [`correspondence`], [`points`] | correspondence solids, and laws of their points |
 //! | [`staggered`] | staggered solids: displacements at the corners of cells |
 //! | [`fracture`], [`interfaces`] | breaking bonds; strength between materials and across interfaces |
 //! | `stress_free` | stress-free strains that vary in space, as seen by the shape tensor |
 
 mod base;
-#[cfg(test)]
-mod bond_law_tests;
 mod classical;
 #[cfg(test)]
 mod cloud_tests;
@@ -62,6 +60,8 @@ mod interface_tests;
 pub mod interfaces;
 pub mod keys;
 pub mod law;
+#[cfg(test)]
+mod law_tests;
 mod layer_forces;
 #[cfg(test)]
 mod layer_forces_tests;
@@ -76,6 +76,7 @@ mod motion;
 mod nodes;
 pub mod ordinary;
 pub mod plasticity;
+pub mod points;
 mod prepare;
 mod reports;
 mod residual;
@@ -95,6 +96,7 @@ pub mod surface_stress;
 #[cfg(test)]
 mod tests;
 mod validity;
+mod variables;
 
 use perimelt_core::keys as core_keys;
 use perimelt_core::plugin::check_length;

@@ -34,11 +34,6 @@ pub(super) fn run(
         keys.annealing_temperature,
     )?;
     let law = ChosenLaw::of(keys.law.take(), keys.formulation)?;
-    if let (false, Some(flow)) = (law.is_linear(), &flow) {
-        let message = format!("plastic flow stands beside `{}`", law.name());
-        let expected = "`law.linear`: laws of flow start from a stress in proportion to the strain";
-        return Err(SetupError::value(flow.key(), message, expected));
-    }
     let keys = &*keys;
     let body = setup.find_body(keys.body.as_deref())?;
     growth::check(keys, setup, body)?;
@@ -60,14 +55,7 @@ pub(super) fn run(
         let expected = "`by = \"body_force\"` in `traction`, or a solver of equilibrium: `quasi_static`, `relaxation`";
         return Err(SetupError::value("solver", message, expected));
     }
-    if let (false, Some(rule)) = (law.is_linear(), &bent) {
-        let message = format!(
-            "the traction on face `{}` acts by a layer, whose strain is that of a linear law",
-            rule.face.name()
-        );
-        let expected = "`by = \"body_force\"` in `traction`, or `law.linear`";
-        return Err(SetupError::value(law.name(), message, expected));
-    }
+    law.check(setup, body, flow.as_ref(), bent.as_ref())?;
     if let Some(rule) = bent {
         growth::check_layer(setup, body, rule.face)?;
     }
@@ -88,21 +76,24 @@ pub(super) fn run(
         MechanicalSolver::Explicit { damping } => Some(damping),
         _ => None,
     };
-    let features = Features {
+    let mut features = Features {
         is_explicit: damping.is_some(),
         flow: constitution.plasticity.as_ref().map(LawState::of_flow),
+        law: None,
         breaks: constitution.fracture.is_some(),
     };
     let is_plastic = features.flow.is_some();
     let validity = Validity::new(setup.body(body), !constitution.finite, is_plastic);
-    let mut solid = law.solid(Parts {
+    let parts = Parts {
         body: setup.body(body),
         family,
         constitution,
         formulation: keys.formulation,
         stabilisation: keys.stabilisation,
-        constants: &law.constants(setup.body(body))?,
-    })?;
+        name: law.name,
+        constants: law.constants(setup.body(body))?,
+    };
+    let mut solid = law.law.solid(parts)?;
     if let (Some(_), Some(present)) = (
         solid.base().nodes.corners(),
         setup.world().present_points(body),
@@ -114,6 +105,7 @@ pub(super) fn run(
     }
     let statics = Statics::new(&keys.solver, solid.base().tangent());
     let density = setup.world().density_at_points(body)?;
+    features.law = solid.base().law_points.as_ref().map(LawState::of_points);
     let fields = Fields::declare(setup, body, features)?;
     Ok(MechanicalRun {
         balanced: Balanced {

@@ -12,7 +12,7 @@ use super::classical;
 use super::energy::Energy;
 use super::energy_watch::{EnergyWatch, Scratch};
 use super::equilibrium::Statics;
-use super::fields::{Damage, Fields, VariableField};
+use super::fields::{Damage, Fields};
 use super::fracture::FractureState;
 use super::moduli::Moduli;
 use super::momentum::{Balanced, Momentum};
@@ -120,6 +120,7 @@ impl MechanicalRun {
         }
         self.note_loads(world);
         self.load_plasticity(world, temperature.as_deref(), step.size);
+        self.load_law(world, step.size);
         let is_held_anew = match self.fields.hold {
             Some(hold) => self.stop_held_points(world, hold, step.size),
             None => self.nodes().corners().is_some(),
@@ -214,19 +215,7 @@ impl MechanicalRun {
             seen.copy_from_slice(&compliance);
         }
         for field in &fields.variables {
-            let states = &mut plasticity.states;
-            match *field {
-                VariableField::Scalar(field, at) => {
-                    let values = world.read::<f64>(field.into());
-                    states.set_variable(at, values.iter().map(|value| [*value]));
-                }
-                VariableField::Tensor(field, at) => {
-                    let values = world.read::<Matrix3<f64>>(field.into());
-                    let components =
-                        |tensor: &Matrix3<f64>| classical::COMPONENTS.map(|at| tensor[at]);
-                    states.set_variable(at, values.iter().map(components));
-                }
-            }
+            field.load(world, &mut plasticity.states.variables);
         }
         let strains = world.read::<Matrix3<f64>>(fields.strain.into());
         let equivalents = world.read::<f64>(fields.equivalent.into());
@@ -241,13 +230,37 @@ impl MechanicalRun {
         self.eigenstrain_size += strains.fold(0.0, f64::max);
     }
 
-    /// Accepts the plastic flow of the displacement that the solver found, and anneals.
+    /// Takes the state of a law of points from the fields, for a step (s).
+    fn load_law(&mut self, world: &World, step: f64) {
+        let Some(points) = &mut self.solid.base_mut().law_points else {
+            return;
+        };
+        points.step = step;
+        for field in &self.fields.law_variables {
+            field.load(world, &mut points.states);
+        }
+        points.states.reject();
+    }
+
+    /// Accepts the state of a law of points in the trial state.
+    fn settle_law(&mut self, world: &World) {
+        let Some(points) = &mut self.solid.base_mut().law_points else {
+            return;
+        };
+        points.states.commit();
+        for field in &self.fields.law_variables {
+            field.store(world, &points.states);
+        }
+    }
+
+    /// Accepts the plastic flow and the states of the displacement that the solver found, and anneals.
     pub(super) fn settle(&mut self, world: &World) {
-        if self.fields.plastic.is_none() {
+        if self.fields.plastic.is_none() && self.fields.law_variables.is_empty() {
             return;
         }
         self.load_displacement(world);
         self.solid.evaluate(Wanted::force(&mut self.work));
+        self.settle_law(world);
         if let (Some(fields), Some(plasticity)) =
             (&self.fields.plastic, self.solid.base_mut().plasticity())
         {
@@ -268,18 +281,7 @@ impl MechanicalRun {
             *equivalent = settled.equivalent;
         }
         for field in &fields.variables {
-            match *field {
-                VariableField::Scalar(field, at) => {
-                    let mut values = world.write(field);
-                    let states = values.iter_mut().zip(plasticity.states.variable(at));
-                    states.for_each(|(value, [state])| *value = state);
-                }
-                VariableField::Tensor(field, at) => {
-                    let mut values = world.write(field);
-                    let states = values.iter_mut().zip(plasticity.states.variable(at));
-                    states.for_each(|(value, state)| *value = classical::symmetric(&state));
-                }
-            }
+            field.store(world, &plasticity.states.variables);
         }
     }
 

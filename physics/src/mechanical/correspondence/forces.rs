@@ -12,6 +12,7 @@ use crate::mechanical::classical::{Point, diagonal, image_of};
 use crate::mechanical::fracture::Fracture;
 use crate::mechanical::gradient::without;
 use crate::mechanical::layer_forces::Summed;
+use crate::mechanical::points::{At, LawPoints};
 use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
 use crate::mechanical::stretch::{EXCESS_INPUTS, Excess};
@@ -20,8 +21,11 @@ use crate::mechanical::stretch::{EXCESS_INPUTS, Excess};
 struct Strained<'a> {
     /// The point whose springs it has.
     point: usize,
-    law: Point,
+    /// Signs of the axes of an image; ones for a point.
+    mirror: [f64; 3],
     gradient: &'a Matrix3<f64>,
+    /// The gradient about which a law of points is linearised, for changes; empty otherwise.
+    about: Option<Matrix3<f64>>,
     /// What prescribed strains do to the gradient; `None` where they are uniform.
     correction: Option<Matrix3<f64>>,
     /// `K^-1`.
@@ -60,17 +64,27 @@ impl Correspondence {
         });
     }
 
-    /// `P K^-1 - g H` of a point or its image.
-    fn force_state_of(&self, strained: &Strained<'_>, finite: bool) -> Matrix3<f64> {
+    /// `P K^-1 - g H` of a point or its image with a linear law.
+    fn force_state_of(&self, strained: &Strained<'_>, law: &Point, finite: bool) -> Matrix3<f64> {
+        let elastic = without(strained.gradient, strained.correction.as_ref(), finite);
+        self.force_state_with(strained, law.piola(&elastic, finite), elastic, finite)
+    }
+
+    /// `P K^-1 - g H` of a stress.
+    fn force_state_with(
+        &self,
+        strained: &Strained<'_>,
+        stress: Matrix3<f64>,
+        elastic: Matrix3<f64>,
+        finite: bool,
+    ) -> Matrix3<f64> {
         let Strained {
             point,
-            law,
             gradient,
             correction,
             inverse,
+            ..
         } = strained;
-        let elastic = without(gradient, correction.as_ref(), finite);
-        let stress = law.piola(&elastic, finite);
         match correction {
             // the stress conjugate to F, where F (1 - D) has an energy
             Some(correction) if finite => {
@@ -81,6 +95,29 @@ impl Correspondence {
         }
     }
 
+    /// `P K^-1 - g H` of a point or its image with a law of points, or its change.
+    fn force_state_by(&self, points: &LawPoints, strained: &Strained<'_>) -> Matrix3<f64> {
+        let (base, finite) = (&self.base, self.base.elastic.finite);
+        let correction = strained.correction.as_ref();
+        let at = |gradient| At {
+            point: strained.point,
+            mirror: strained.mirror,
+            gradient,
+        };
+        let Some(about) = &strained.about else {
+            let elastic = without(strained.gradient, correction, finite);
+            let stress = points.piola(&base.elastic, at(&elastic));
+            return self.force_state_with(strained, stress, elastic, finite);
+        };
+        let change = match correction {
+            Some(correction) if finite => strained.gradient - strained.gradient * correction,
+            _ => *strained.gradient,
+        };
+        let about = without(about, correction, finite);
+        let stress = points.tangent(&base.elastic, at(&about), &change);
+        self.force_state_with(strained, stress, change, finite)
+    }
+
     /// Evaluates the stress and loads the force states.
     pub(super) fn load_force_state(&mut self, strain: StrainKind, finite: bool) {
         let dimension = self.base.dimension;
@@ -89,20 +126,33 @@ impl Correspondence {
         let mut states = std::mem::take(&mut self.force_state);
         let mut slots = std::mem::take(&mut self.inputs.force_state);
         let (values, inverse) = (&self.gradient.values, &self.gradient.inverse_shape);
+        // the elastic stiffness is that of the linear law
+        let law = |i: usize| match strain {
+            StrainKind::Total => None,
+            StrainKind::Elastic | StrainKind::Change => self.law_points_of(i),
+        };
         let correction = |i: usize| match strain {
             StrainKind::Elastic => self.gradient.stress_free.of(i),
+            StrainKind::Change if law(i).is_some() => self.gradient.stress_free.of(i),
             StrainKind::Total | StrainKind::Change => None,
         };
+        let about = |i: usize| match strain {
+            StrainKind::Change => law(i).map(|points| points.about[i]),
+            StrainKind::Elastic | StrainKind::Total => None,
+        };
         states.par_iter_mut().enumerate().for_each(|(i, state)| {
-            let point = self.point(i, strain);
             let strained = Strained {
                 point: i,
-                law: point,
+                mirror: [1.0; 3],
                 gradient: &values[i],
+                about: about(i),
                 correction: correction(i).copied(),
                 inverse: &inverse[i],
             };
-            *state = self.force_state_of(&strained, finite);
+            *state = match law(i) {
+                Some(points) => self.force_state_by(points, &strained),
+                None => self.force_state_of(&strained, &self.point(i, strain), finite),
+            };
         });
         let of_image = |image: &Image| {
             let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
@@ -112,20 +162,25 @@ impl Correspondence {
                 false => scale * values[image.point] * mirror + image.bend,
             };
             let inverse = mirror * inverse[image.point] * mirror;
+            let correction = correction(image.point).map(|c| scale * c * mirror);
+            let strained = Strained {
+                point: image.point,
+                mirror: image.mirror,
+                gradient: &gradient,
+                about: about(image.point).map(|about| scale * about * mirror),
+                correction,
+                inverse: &inverse,
+            };
+            if let Some(points) = law(image.point) {
+                let state = self.force_state_by(points, &strained);
+                return std::array::from_fn(|n| state[entry(n)]);
+            }
             let mut point = self.point(image.point, strain);
             if self.base.plasticity.is_some() || !self.base.elastic.stress_free.is_empty() {
                 let inelastic = image_of(&scale, &point.inelastic, &mirror);
                 point = point.replace_inelastic(self.base.elastic.stress_state(), inelastic);
             }
-            let correction = correction(image.point).map(|c| scale * c * mirror);
-            let strained = Strained {
-                point: image.point,
-                law: point,
-                gradient: &gradient,
-                correction,
-                inverse: &inverse,
-            };
-            let state = self.force_state_of(&strained, finite);
+            let state = self.force_state_of(&strained, &point, finite);
             std::array::from_fn::<_, 9, _>(|n| state[entry(n)])
         };
         let by_point = &states[..];

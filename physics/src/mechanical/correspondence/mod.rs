@@ -19,6 +19,7 @@
 //! on it. The energy criterion of fracture is not available: stress belongs to points, and no bond has an energy
 //! of its own.
 
+mod energies;
 mod forces;
 mod inputs;
 mod kernels;
@@ -31,17 +32,18 @@ use perimelt_core::solver::largest_eigenvalue;
 use perimelt_core::{Body, Bond, Family, Image, SlotField};
 use rayon::prelude::*;
 
-use super::base::{Properties, SolidBase};
+use super::base::{ElasticProperties, Properties, SolidBase};
 use super::classical::{COMPONENTS, Point};
 use super::fracture::{BondLoads, Fracture, FractureState, NewBreaks};
 use super::gradient::{FlatFamily, Gradient, RISE};
 use super::moduli::Moduli;
+use super::points::LawPoints;
 use super::solid::{
     Constitution, EnergyKind, Evaluated, PointModuli, PointStates, Solid, Stiffness, StrainKind,
     StressFreeStrain, StressKind, Wanted,
 };
 use inputs::Inputs;
-use kernels::{Block, Force, SquaredExtension};
+use kernels::{Block, Force};
 
 /// A correspondence solid.
 #[derive(Debug)]
@@ -60,16 +62,25 @@ pub struct Correspondence {
     force_state: Vec<Matrix3<f64>>,
 }
 
+/// What a correspondence solid needs besides bonds and constitution.
+#[derive(Debug)]
+pub(super) struct Settings {
+    /// G.
+    pub(super) stabilisation: f64,
+    /// The law of the points, if it is not linear.
+    pub(super) law: Option<LawPoints>,
+}
+
 impl Correspondence {
-    /// The solid of `body` with the given family; `stabilisation` is G.
+    /// The solid of `body` with the given family.
     ///
     /// # Errors
     /// A point whose bonds do not span the dimensions.
-    pub fn new(
+    pub(super) fn new(
         body: &Body,
         family: Arc<Family>,
         constitution: Constitution,
-        stabilisation: f64,
+        settings: Settings,
     ) -> Result<Self, FlatFamily> {
         let properties = Properties {
             bonds_shear: true,
@@ -77,9 +88,10 @@ impl Correspondence {
             has_symmetric_plastic_tangent: true,
         };
         let gradient = Gradient::new(body, &family)?;
-        let base = SolidBase::new(body, family, constitution, properties);
+        let mut base = SolidBase::new(body, family, constitution, properties);
+        base.law_points = settings.law;
         let mut this = Correspondence {
-            stabilisation,
+            stabilisation: settings.stabilisation,
             inputs: Inputs::new(&base.family, body.dimension, base.fracture.is_some()),
             gradient,
             elastic_gradient: Vec::new(),
@@ -89,6 +101,7 @@ impl Correspondence {
         };
         this.load_stabilisation();
         this.load_limits(body, None, true);
+        this.find_steepest();
         Ok(this)
     }
 
@@ -120,56 +133,44 @@ impl Correspondence {
         }
     }
 
-    /// `sum_j w |u_j - u_i|^2` of each point, m².
-    fn squared_extension(&self) -> Vec<[f64; 1]> {
-        let mut extension = vec![[0.0]; self.base.horizons.len()];
-        let inputs = std::array::from_fn(|axis| self.inputs.along(axis));
-        self.base.family.sum_unbroken(
-            &SquaredExtension,
-            inputs,
-            self.base.broken(),
-            &mut extension,
-        );
-        extension
+    /// The law of the points, unless it is linear or the point is loose.
+    fn law_points_of(&self, point: usize) -> Option<&LawPoints> {
+        let points = self.base.law_points.as_ref();
+        points.filter(|_| !self.gradient.is_loose(point))
     }
 
-    /// The sum of [`Correspondence::squared_extension`] without the displacement of prescribed strains that are not uniform.
-    fn squared_elastic_extension(&self) -> Vec<[f64; 1]> {
-        let mut extension = vec![[0.0]; self.base.horizons.len()];
-        let displacement = std::array::from_fn(|axis| self.inputs.along(axis));
-        let bonds = self.base.bonds();
-        self.gradient
-            .stress_free
-            .squared_extension(bonds, displacement, &mut extension);
-        extension
-    }
-
-    /// Energy density of the stabilisation, J/m³: `sum_j w |z|^2 = sum_j w |u_j - u_i|^2 - H : H K`, with K the inverse
-    /// of its inverse.
-    fn energy_of_modes(&self, i: usize, gradient: &Matrix3<f64>, extension: &[[f64; 1]]) -> f64 {
-        let mut shape = self.gradient.inverse_shape[i];
-        (self.base.dimension..3).for_each(|a| shape[(a, a)] = 1.0);
-        // a loose point has no shape tensor; it has no springs either
-        let affine = shape
-            .try_inverse()
-            .map_or(0.0, |shape| gradient.dot(&(gradient * shape)));
-        0.5 * self.spring(i) * (extension[i][0] - affine).max(0.0)
-    }
-
-    /// The law of a point for the given kind of strain.
+    /// The linear law of a point for the given kind of strain.
     fn point(&self, i: usize, strain: StrainKind) -> Point {
         self.base.law_of(&self.gradient, i, strain)
     }
 }
 
 impl Correspondence {
+    fn find_steepest(&mut self) {
+        let base = &mut self.base;
+        if let Some(points) = &base.law_points {
+            base.elastic_law = ElasticProperties {
+                is_linear: false,
+                steepest: points.steepest(&base.elastic),
+            };
+        }
+    }
+
     fn set_moduli(&mut self, moduli: PointModuli<'_>) {
+        if let Some(points) = &mut self.base.law_points {
+            match moduli {
+                PointModuli::At(body, temperature) => points.load_constants(body, temperature),
+                // the same in a resumed run, whatever the temperature
+                PointModuli::Stiffest(body) => points.load_constants(body, None),
+            }
+        }
         let changed = self.base.elastic.set_moduli(moduli);
         if changed {
             self.load_stabilisation();
         }
-        if let PointModuli::At(body, temperature) = moduli {
-            self.load_limits(body, temperature, changed);
+        match moduli {
+            PointModuli::At(body, temperature) => self.load_limits(body, temperature, changed),
+            PointModuli::Stiffest(_) => self.find_steepest(),
         }
     }
 
@@ -211,66 +212,13 @@ impl Correspondence {
         if let Some(plasticity) = &mut self.base.plasticity {
             plasticity.try_strains(self.base.elastic.strained(&self.gradient));
         }
+        if let Some(points) = &mut self.base.law_points {
+            points.try_gradients(&self.base.elastic, &self.gradient);
+        }
         self.load_force_state(StrainKind::Elastic, self.base.elastic.finite);
         self.sum_forces(out);
         self.add_spring_forces(out);
         self.sum_excess();
-    }
-
-    fn evaluate_elastic_gradient(&mut self) {
-        let (gradient, finite) = (&self.gradient, self.base.elastic.finite);
-        let points = (0..self.force_state.len()).into_par_iter();
-        let values = points.map(|i| gradient.elastic(i, finite));
-        values.collect_into_vec(&mut self.elastic_gradient);
-    }
-
-    fn evaluate_stress(&mut self) {
-        let finite = self.base.elastic.finite;
-        let mut tensors = std::mem::take(&mut self.base.tensors);
-        for (i, tensor) in tensors.iter_mut().enumerate() {
-            let gradient = self.gradient.elastic(i, finite);
-            let point = self.point(i, StrainKind::Elastic);
-            let mut stress = point.piola(&gradient, finite);
-            if finite {
-                let deformation = Matrix3::identity() + gradient;
-                stress = stress * deformation.transpose() / deformation.determinant();
-            }
-            *tensor = point.components(&stress, self.base.elastic.is_plane_strain());
-        }
-        self.base.tensors = tensors;
-    }
-
-    fn evaluate_total_energy(&mut self) {
-        let extension = self.squared_extension();
-        let mut energy = std::mem::take(&mut self.base.energy);
-        for (i, energy) in energy.iter_mut().enumerate() {
-            let (gradient, point) = (&self.gradient.values[i], self.point(i, StrainKind::Total));
-            let [density, conjugate] = self.base.total_energy(i, &point, gradient);
-            let modes = self.energy_of_modes(i, gradient, &extension);
-            *energy = [density + modes, conjugate];
-        }
-        self.base.energy = energy;
-    }
-
-    fn evaluate_elastic_energy(&mut self) {
-        let finite = self.base.elastic.finite;
-        let extension = match self.has_spring_forces() {
-            true => self.squared_elastic_extension(),
-            false => self.squared_extension(),
-        };
-        let mut energy = std::mem::take(&mut self.base.energy);
-        for (i, energy) in energy.iter_mut().enumerate() {
-            let point = self.point(i, StrainKind::Elastic);
-            let gradient = self.gradient.elastic(i, finite);
-            let stress = point.material_stress(&gradient, finite);
-            let of_modes = match finite {
-                true => &self.gradient.values[i],
-                false => &gradient,
-            };
-            let modes = self.energy_of_modes(i, of_modes, &extension);
-            *energy = [point.energy_of(&stress) + modes, 0.0];
-        }
-        self.base.energy = energy;
     }
 }
 
@@ -350,6 +298,9 @@ impl Solid for Correspondence {
 
     fn linearise(&mut self, damping: f64) {
         self.load_gradient();
+        if let Some(points) = &mut self.base.law_points {
+            points.about.copy_from_slice(&self.gradient.values);
+        }
         self.base.linearise(Some(&self.gradient), damping);
     }
 
@@ -361,6 +312,7 @@ impl Solid for Correspondence {
                 plasticity.follow(|i| values[i]);
                 StrainKind::Change
             }
+            (Stiffness::Tangent, None) if self.base.law_points.is_some() => StrainKind::Change,
             _ => StrainKind::Total,
         };
         self.load_force_state(strain, false);
@@ -413,6 +365,7 @@ impl Solid for Correspondence {
             self.set_displacement(u, rules);
             self.stiffness(Stiffness::Elastic, out);
         });
+        let square = square * self.base.elastic_law.steepest;
         match self.base.fracture.is_some() || self.base.family.grows() {
             true => square.sqrt() * RISE.sqrt(),
             false => square.sqrt(),

@@ -56,6 +56,7 @@ pub use return_mapping::{StressState, return_to_yield};
 use return_mapping::{elastic_strain, relieved_strain};
 pub use rule::{FlowRule, Radial, RulePoint, Spatial};
 pub use store::{Inelastic, InelasticStates};
+pub(super) use sweep::bulk_modulus;
 pub use sweep::{Conditions, FlowSweep};
 
 /// Plastic flow of a body: its law, and the states of its points.

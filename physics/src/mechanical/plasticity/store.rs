@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::law::Flow;
+use crate::mechanical::variables::VariableStates;
 
 /// Inelastic strain of a point (xx, yy, zz, xy, yz, zx) and equivalent plastic strain.
 #[derive(Clone, Copy, Debug, Default)]
@@ -20,17 +21,15 @@ pub struct InelasticStates {
     tried: Vec<Inelastic>,
     /// Work of the flow from the settled to the trial state, J/m³.
     work: Vec<f64>,
-    /// Numbers of the state variables of a point.
-    width: usize,
-    settled_variables: Vec<f64>,
-    tried_variables: Vec<f64>,
+    /// State variables of the law.
+    pub(in crate::mechanical) variables: VariableStates,
 }
 
 /// The trial state of a point that is being found.
 pub(super) struct Tried<'a> {
     inelastic: &'a mut Inelastic,
     work: &'a mut f64,
-    /// State variables of the law, and more numbers where it has none.
+    /// State variables of the law.
     pub(super) variables: &'a mut [f64],
 }
 
@@ -50,22 +49,18 @@ impl Tried<'_> {
     pub(super) fn rest(self, (inelastic, variables): (&Inelastic, &[f64])) {
         *self.inelastic = *inelastic;
         *self.work = 0.0;
-        self.variables[..variables.len()].copy_from_slice(variables);
+        self.variables.copy_from_slice(variables);
     }
 }
 
 impl InelasticStates {
     /// States without inelastic strain; `width` is that of the state variables of the law.
     pub(super) fn new(points: usize, width: usize) -> Self {
-        // rows of at least one number, since chunks are not empty
-        let variables = vec![0.0; points * width.max(1)];
         InelasticStates {
             settled: vec![Inelastic::default(); points],
             tried: vec![Inelastic::default(); points],
             work: vec![0.0; points],
-            width,
-            settled_variables: variables.clone(),
-            tried_variables: variables,
+            variables: VariableStates::new(points, width),
         }
     }
 
@@ -79,40 +74,6 @@ impl InelasticStates {
         &self.tried
     }
 
-    fn row<'a>(&self, variables: &'a [f64], point: usize) -> &'a [f64] {
-        &variables[point * self.width.max(1)..][..self.width]
-    }
-
-    /// State variables of a point at the end of the last step.
-    pub(super) fn settled_variables(&self, point: usize) -> &[f64] {
-        self.row(&self.settled_variables, point)
-    }
-
-    /// State variables of a point in the trial state.
-    pub(super) fn tried_variables(&self, point: usize) -> &[f64] {
-        self.row(&self.tried_variables, point)
-    }
-
-    /// The state variable at a place of the row of each point, of settled states.
-    pub(in crate::mechanical) fn variable<const N: usize>(
-        &self,
-        at: usize,
-    ) -> impl Iterator<Item = [f64; N]> {
-        let rows = self.settled_variables.chunks_exact(self.width.max(1));
-        rows.map(move |row| std::array::from_fn(|n| row[at + n]))
-    }
-
-    /// Replaces the state variable at a place of the row of each point, of settled states; [`InelasticStates::load`] must follow.
-    pub(in crate::mechanical) fn set_variable<const N: usize>(
-        &mut self,
-        at: usize,
-        values: impl Iterator<Item = [f64; N]>,
-    ) {
-        let rows = self.settled_variables.chunks_exact_mut(self.width.max(1));
-        rows.zip(values)
-            .for_each(|(row, value)| row[at..at + N].copy_from_slice(&value));
-    }
-
     /// The work of the flow of each point from the settled to the trial state, J/m³.
     pub(super) fn work(&self) -> &[f64] {
         &self.work
@@ -122,36 +83,29 @@ impl InelasticStates {
     pub(super) fn try_from_settled(
         &mut self,
     ) -> impl IndexedParallelIterator<Item = (usize, (&Inelastic, &[f64]), Tried<'_>)> {
-        let (width, row) = (self.width, self.width.max(1));
-        let settled = self.settled.par_iter();
-        let settled = settled.zip(self.settled_variables.par_chunks_exact(row));
         let tried = self.tried.par_iter_mut().zip(&mut self.work);
-        let tried = tried.zip(self.tried_variables.par_chunks_exact_mut(row));
-        let points = settled.zip(tried).enumerate();
-        points.map(
-            move |(i, ((settled, row), ((inelastic, work), variables)))| {
-                let tried = Tried {
-                    inelastic,
-                    work,
-                    variables,
-                };
-                (i, (settled, &row[..width]), tried)
-            },
-        )
+        let points = self.settled.par_iter().zip(tried);
+        let points = points.zip(self.variables.try_from_settled()).enumerate();
+        points.map(|(i, ((settled, (inelastic, work)), (row, variables)))| {
+            let tried = Tried {
+                inelastic,
+                work,
+                variables,
+            };
+            (i, (settled, row), tried)
+        })
     }
 
     /// Accepts the trial states.
     pub(super) fn commit(&mut self) {
         self.settled.copy_from_slice(&self.tried);
-        self.settled_variables
-            .copy_from_slice(&self.tried_variables);
+        self.variables.commit();
     }
 
     /// Goes back to the settled states.
     pub fn reject(&mut self) {
         self.tried.copy_from_slice(&self.settled);
-        self.tried_variables
-            .copy_from_slice(&self.settled_variables);
+        self.variables.reject();
     }
 
     /// Replaces the settled states, and rejects the trial states.
@@ -164,8 +118,7 @@ impl InelasticStates {
     /// Takes inelastic strain, hardening and state variables from a point between steps; [`InelasticStates::reject`] must
     /// follow.
     pub(super) fn take(&mut self, point: usize) -> Inelastic {
-        let row = self.width.max(1);
-        self.settled_variables[point * row..][..row].fill(0.0);
+        self.variables.clear(point);
         std::mem::take(&mut self.settled[point])
     }
 

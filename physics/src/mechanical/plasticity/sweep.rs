@@ -55,7 +55,7 @@ impl Conditions {
 
 /// Bulk modulus of three dimensions, Pa, from the moduli of a stress state.
 #[inline(always)]
-fn bulk_modulus(state: StressState, moduli: &Moduli) -> f64 {
+pub(in crate::mechanical) fn bulk_modulus(state: StressState, moduli: &Moduli) -> f64 {
     let Moduli {
         bulk, shear, lame, ..
     } = *moduli;
@@ -131,13 +131,11 @@ impl<R: FlowRule> FlowSweep for R {
         states: &mut InelasticStates,
     ) {
         let (state, count) = (conditions.stress_state, R::CONSTANTS.len());
-        let width = StateVariable::width_of(R::STATE);
         states.try_from_settled().for_each(|(i, settled, tried)| {
             let elastic = points.law(i).with_inelastic(state, settled.0.strain);
             let trial = points.stress(i, &elastic);
             let at = conditions.at(i, count, &elastic.moduli, settled);
-            let variables = &mut tried.variables[..width];
-            match flow_of(self, &at, &trial, variables) {
+            match flow_of(self, &at, &trial, tried.variables) {
                 Some(flow) => tried.advance(settled.0, &flow),
                 None => tried.rest(settled),
             }
@@ -161,14 +159,14 @@ impl<R: FlowRule> FlowSweep for R {
         let flowing: Vec<usize> = (0..tried.len()).filter(|&i| flows(i)).collect();
         let tangent = |scratch: &mut Vec<f64>, i: usize| {
             let elastic = points.law(i);
-            let variables = states.settled_variables(i);
+            let variables = states.variables.settled(i);
             let at = conditions.at(i, count, &elastic.moduli, (&settled[i], variables));
             let trial = points.stress(i, &elastic.with_inelastic(state, settled[i].strain));
             let strain = EquivalentStrain {
                 end: tried[i].equivalent,
                 increment: tried[i].equivalent - settled[i].equivalent,
             };
-            let tangent = self.tangent(&at, &trial, strain, states.tried_variables(i));
+            let tangent = self.tangent(&at, &trial, strain, states.variables.tried(i));
             if let Some(tangent) = tangent {
                 return (i, tangent);
             }

@@ -48,7 +48,7 @@ pub trait BondLaw: Copy + Debug + Send + Sync + Serialize + 'static {
     fn steepest(&self, constants: &BondConstants) -> f64;
 }
 
-/// Force in proportion to the stretch.
+/// Stress in proportion to the strain; in bonds, force in proportion to the stretch.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Linear {}

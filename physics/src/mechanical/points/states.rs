@@ -1,0 +1,242 @@
+//! The points of a body with their law and state.
+
+use nalgebra::Matrix3;
+use perimelt_core::Body;
+use perimelt_core::law::{Constants, StateVariable};
+use rayon::prelude::*;
+
+use super::law::LawPoint;
+use super::response::{BodyPoint, PointResponse};
+use crate::mechanical::classical::COMPONENTS;
+use crate::mechanical::elastic::ElasticPoints;
+use crate::mechanical::gradient::Gradient;
+use crate::mechanical::plasticity::bulk_modulus;
+use crate::mechanical::variables::VariableStates;
+
+/// A law of points in a body, with the states of its points.
+#[derive(Debug)]
+pub(in crate::mechanical) struct LawPoints {
+    law: Box<dyn PointResponse>,
+    name: &'static str,
+    constants: Constants,
+    /// Constants of the law at each point, one after the other.
+    values: Vec<f64>,
+    /// K, by point; empty in a body without temperature.
+    temperature: Vec<f64>,
+    /// Size of the step, s.
+    pub(in crate::mechanical) step: f64,
+    pub(in crate::mechanical) states: VariableStates,
+    /// Gradients of the displacement that was linearised.
+    pub(in crate::mechanical) about: Vec<Matrix3<f64>>,
+}
+
+/// A point or its image, with its gradient of the displacement.
+#[derive(Clone, Copy)]
+pub(in crate::mechanical) struct At<'a> {
+    /// The point, or that of the image.
+    pub(in crate::mechanical) point: usize,
+    /// Signs of the axes of an image; ones for a point.
+    pub(in crate::mechanical) mirror: [f64; 3],
+    /// H without what prescribed strains do to it.
+    pub(in crate::mechanical) gradient: &'a Matrix3<f64>,
+}
+
+impl LawPoints {
+    /// The points of a body at no strain, without temperature.
+    pub(in crate::mechanical) fn new(
+        name: &'static str,
+        law: Box<dyn PointResponse>,
+        constants: Constants,
+        body: &Body,
+    ) -> Self {
+        let points = body.points.len();
+        let mut this = LawPoints {
+            values: vec![0.0; points * law.constants().len()],
+            temperature: Vec::new(),
+            step: 0.0,
+            states: VariableStates::new(points, StateVariable::width_of(law.state())),
+            about: vec![Matrix3::zeros(); points],
+            law,
+            name,
+            constants,
+        };
+        this.load_constants(body, None);
+        this
+    }
+
+    /// The name of the law.
+    pub(in crate::mechanical) fn law_name(&self) -> &'static str {
+        self.name
+    }
+
+    /// State variables of the law.
+    pub(in crate::mechanical) fn state_variables(&self) -> &'static [StateVariable] {
+        self.law.state()
+    }
+
+    /// Whether the derivative of the stress by the strain is symmetric.
+    pub(in crate::mechanical) fn is_symmetric(&self) -> bool {
+        self.law.is_symmetric()
+    }
+
+    /// Evaluates the constants of the law at the temperature of each point, K.
+    pub(in crate::mechanical) fn load_constants(
+        &mut self,
+        body: &Body,
+        temperature: Option<&[f64]>,
+    ) {
+        let points = self
+            .values
+            .par_chunks_exact_mut(self.law.constants().len().max(1));
+        let points = points.zip(&body.material_of_point).enumerate();
+        points.for_each(|(i, (values, &m))| {
+            let temperature = temperature.map_or(0.0, |t| t[i]);
+            self.constants.load(m as usize, temperature, 0.0, values);
+        });
+        self.temperature.clear();
+        self.temperature
+            .extend_from_slice(temperature.unwrap_or_default());
+    }
+
+    fn at(&self, elastic: &ElasticPoints, point: usize) -> BodyPoint<'_> {
+        let (moduli, stress_state) = (elastic.moduli(point), elastic.stress_state());
+        let count = self.law.constants().len();
+        BodyPoint {
+            point: LawPoint {
+                constants: &self.values[point * count..][..count],
+                temperature: self.temperature.get(point).copied(),
+                step: self.step,
+                shear_modulus: moduli.shear,
+                bulk_modulus: bulk_modulus(stress_state, &moduli),
+            },
+            stress_state,
+            finite: elastic.finite,
+            eigenstrain: elastic.eigenstrain[point] / moduli.swelling,
+        }
+    }
+
+    /// The largest stiffness over the elastic one at no strain, of all points.
+    pub(in crate::mechanical) fn steepest(&self, elastic: &ElasticPoints) -> f64 {
+        let points = (0..self.about.len()).into_par_iter();
+        let steepest = points.map(|i| self.law.steepest(&self.at(elastic, i).point));
+        steepest.reduce(|| 1.0, f64::max)
+    }
+
+    /// Advances the state variables from the start of the step to the trial state.
+    pub(in crate::mechanical) fn try_gradients(
+        &mut self,
+        elastic: &ElasticPoints,
+        gradient: &Gradient,
+    ) {
+        if self.law.state().is_empty() {
+            return;
+        }
+        let mut states = std::mem::take(&mut self.states);
+        let points = states.try_from_settled().enumerate();
+        points.for_each(|(i, (settled, tried))| {
+            tried.copy_from_slice(settled);
+            if !gradient.is_loose(i) {
+                let h = gradient.elastic(i, elastic.finite);
+                self.law.evolve(&self.at(elastic, i), &h, tried);
+            }
+        });
+        self.states = states;
+    }
+
+    /// State variables of an image in a layer: tensors are mirrored.
+    fn mirrored<'a>(
+        &self,
+        state: &'a [f64],
+        mirror: [f64; 3],
+        scratch: &'a mut [f64; super::MOST_NUMBERS],
+    ) -> &'a [f64] {
+        if mirror == [1.0; 3] {
+            return state;
+        }
+        let image = &mut scratch[..state.len()];
+        image.copy_from_slice(state);
+        let mut first = 0;
+        for variable in self.law.state() {
+            if variable.is_tensor {
+                let tensor = image[first..first + 6].iter_mut();
+                tensor
+                    .zip(COMPONENTS)
+                    .for_each(|(value, (a, b))| *value *= mirror[a] * mirror[b]);
+            }
+            first += variable.width();
+        }
+        image
+    }
+
+    /// P at the trial state, Pa.
+    pub(in crate::mechanical) fn piola(&self, elastic: &ElasticPoints, at: At<'_>) -> Matrix3<f64> {
+        let mut scratch = [0.0; super::MOST_NUMBERS];
+        let state = self.mirrored(self.states.tried(at.point), at.mirror, &mut scratch);
+        let point = self.at(elastic, at.point);
+        let gradient = self.law.complete(&point, at.gradient, state);
+        self.law.piola(&point, &gradient, state)
+    }
+
+    /// Change of P with a change of H, from the state at the start of the step, Pa.
+    pub(in crate::mechanical) fn tangent(
+        &self,
+        elastic: &ElasticPoints,
+        at: At<'_>,
+        change: &Matrix3<f64>,
+    ) -> Matrix3<f64> {
+        let mut scratches = [[0.0; super::MOST_NUMBERS]; 2];
+        let [start, end] = &mut scratches;
+        let start = self.mirrored(self.states.settled(at.point), at.mirror, start);
+        let end = self.mirrored(self.states.tried(at.point), at.mirror, end);
+        let point = self.at(elastic, at.point);
+        (self.law).tangent(&point, at.gradient, [start, end], change)
+    }
+
+    /// Stress in space at the trial state as xx, yy, zz, xy, yz, zx, Pa.
+    pub(in crate::mechanical) fn spatial_stress(
+        &self,
+        elastic: &ElasticPoints,
+        point: usize,
+        gradient: &Matrix3<f64>,
+    ) -> [f64; 6] {
+        let (at, state) = (self.at(elastic, point), self.states.tried(point));
+        let gradient = self.law.complete(&at, gradient, state);
+        let mut stress = self.law.piola(&at, &gradient, state);
+        if elastic.finite {
+            let deformation = Matrix3::identity() + gradient;
+            stress = stress * deformation.transpose() / deformation.determinant();
+        }
+        COMPONENTS.map(|(a, b)| 0.5 * (stress[(a, b)] + stress[(b, a)]))
+    }
+
+    /// Energy density at the trial state, J/m³.
+    pub(in crate::mechanical) fn energy(
+        &self,
+        elastic: &ElasticPoints,
+        point: usize,
+        gradient: &Matrix3<f64>,
+    ) -> f64 {
+        let (at, state) = (self.at(elastic, point), self.states.tried(point));
+        let gradient = self.law.complete(&at, gradient, state);
+        self.law.energy(&at, &gradient, state)
+    }
+
+    /// Energy density of the total strain (J/m³) and the stress conjugate to the eigenstrain (Pa).
+    pub(in crate::mechanical) fn total_energy(
+        &self,
+        elastic: &ElasticPoints,
+        point: usize,
+        gradient: &Matrix3<f64>,
+    ) -> [f64; 2] {
+        let at = BodyPoint {
+            eigenstrain: 0.0,
+            ..self.at(elastic, point)
+        };
+        let state = self.states.tried(point);
+        let gradient = self.law.complete(&at, gradient, state);
+        let stress = self.law.piola(&at, &gradient, state);
+        let trace: f64 = (0..elastic.dimension).map(|a| stress[(a, a)]).sum();
+        let swelling = elastic.moduli(point).swelling;
+        [self.law.energy(&at, &gradient, state), trace * swelling]
+    }
+}
