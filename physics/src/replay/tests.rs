@@ -298,7 +298,7 @@ fn a_log_of_another_body_is_refused() {
         (
             body(),
             of(Some("old"), &empty),
-            Some(("log", "holds no state")),
+            Some(("log", "has no states")),
         ),
         (
             body(),
