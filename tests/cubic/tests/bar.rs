@@ -28,7 +28,8 @@ fn a_drawn_bar_has_the_stress_of_the_law() {
         for point in fields.field(stress).data().flat().chunks(9) {
             let (s, b) = (0.05, 20.0);
             let error = point[0] / (200e6 * (s + b * s * s * s)) - 1.0;
-            assert!(error.abs() < 1e-7, "{kinematics}: {error}");
+            // the unbalanced force that the solver leaves
+            assert!(error.abs() < 1e-9, "{kinematics}: {error}");
         }
     }
 }
