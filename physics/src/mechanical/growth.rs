@@ -85,7 +85,10 @@ pub(super) fn check(
     };
     let refuse =
         |key: &str, message: String, expected: &str| Err(SetupError::value(key, message, expected));
-    if matches!(keys.formulation, Formulation::Bond | Formulation::Ordinary) {
+    if matches!(
+        keys.formulation(),
+        Formulation::Bond | Formulation::Ordinary
+    ) {
         let message = format!("`formulation = \"bond\"` and `\"ordinary\"` do not support {cause}");
         let expected = "`formulation = \"correspondence\"` or `\"staggered\"`";
         return refuse("formulation", message, expected);

@@ -21,9 +21,9 @@ pub struct Mechanical {
     /// Body that deforms; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
-    /// How forces follow the displacement.
-    #[serde(default)]
-    pub formulation: Formulation,
+    /// How forces follow the displacement; default "staggered" with plastic flow (`plasticity`, `flow`), else "bond".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub formulation: Option<Formulation>,
     /// Law of elasticity, such as `law.linear = {}`, which is the default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub law: Option<Law<dyn ElasticLaw>>,
@@ -84,12 +84,11 @@ pub struct Mechanical {
 }
 
 /// How forces follow the displacement, which limits Poisson's ratio.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Formulation {
     /// A force along the bond that depends on its own stretch. Poisson's ratio is 1/4 (3D, plane strain) or 1/3
     /// (plane stress); that of the material is ignored.
-    #[default]
     Bond,
     /// A force along the bond that depends on its stretch and on the dilatation at its ends: any Poisson's ratio.
     Ordinary,
@@ -151,6 +150,15 @@ pub(super) fn tolerance() -> f64 {
 }
 
 impl Mechanical {
+    /// The formulation: without the key, the one whose stress holds where metal flows if it does, else the fastest.
+    pub(super) fn formulation(&self) -> Formulation {
+        let flows = self.plasticity.is_some() || self.flow.is_some();
+        self.formulation.unwrap_or(match flows {
+            true => Formulation::Staggered,
+            false => Formulation::Bond,
+        })
+    }
+
     /// Refuses numbers beyond their ranges.
     pub(super) fn check(&self) -> Result<(), SetupError> {
         let at_least_zero = |key: &str, value: f64| match value >= 0.0 && value.is_finite() {

@@ -59,6 +59,8 @@ mod growth;
 mod interface_tests;
 pub mod interfaces;
 pub mod keys;
+#[cfg(test)]
+mod keys_tests;
 pub mod law;
 #[cfg(test)]
 mod law_tests;
@@ -120,7 +122,7 @@ const IMPLAUSIBLE_STRETCH: f64 = 5.0;
 #[typetag::serialize(name = "mechanical")]
 impl Physics for Mechanical {
     fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
-        if self.formulation == Formulation::Staggered {
+        if self.formulation() == Formulation::Staggered {
             let body = setup.find_body(self.body.as_deref())?;
             setup.publish(body, LoadedFaces)?;
         }

@@ -28,17 +28,19 @@ pub(super) fn run(
     setup: &mut Setup<'_>,
 ) -> Result<MechanicalRun, SetupError> {
     keys.check()?;
+    // before the flow is taken, on which its default depends
+    keys.formulation = Some(keys.formulation());
     let flow = ChosenFlow::of(
         keys.plasticity.take(),
         keys.flow.take(),
         keys.annealing_temperature,
     )?;
-    let law = ChosenLaw::of(keys.law.take(), keys.formulation)?;
+    let law = ChosenLaw::of(keys.law.take(), keys.formulation())?;
     let keys = &*keys;
     let body = setup.find_body(keys.body.as_deref())?;
     growth::check(keys, setup, body)?;
     let layers = setup.layers(body, &keys::DISPLACEMENT);
-    if keys.formulation == Formulation::Staggered {
+    if keys.formulation() == Formulation::Staggered {
         staggered::check(keys, &layers.rules)?;
     }
     let family = family(keys, setup, body, layers.faces())?;
@@ -88,7 +90,7 @@ pub(super) fn run(
         body: setup.body(body),
         family,
         constitution,
-        formulation: keys.formulation,
+        formulation: keys.formulation(),
         stabilisation: keys.stabilisation,
         name: law.name,
         constants: law.constants(setup.body(body))?,
@@ -151,11 +153,11 @@ fn family(
     body: BodyIndex,
     layers: Vec<Face>,
 ) -> Result<Arc<Family>, SetupError> {
-    if keys.formulation == Formulation::Staggered {
+    if keys.formulation() == Formulation::Staggered {
         // no bonds
         return Ok(Arc::new(Family::default()));
     }
-    let correspondence = keys.formulation == Formulation::Correspondence;
+    let correspondence = keys.formulation() == Formulation::Correspondence;
     let usual = Horizon::Spacings(if correspondence { 2.0 } else { 3.0 });
     let horizon = keys.horizon.unwrap_or(usual);
     horizon.check(setup.body(body))?;
@@ -195,15 +197,15 @@ fn constitution(
     body: BodyIndex,
     family: &Family,
 ) -> Result<Constitution, SetupError> {
-    let bond_based = keys.formulation == Formulation::Bond;
+    let bond_based = keys.formulation() == Formulation::Bond;
     if let (true, Some(flow)) = (bond_based, &flow) {
         let message = "a bond-based solid has no plastic flow at constant volume";
-        let expected = "`formulation` \"ordinary\" or \"correspondence\"";
+        let expected = "`formulation` \"ordinary\", \"correspondence\" or \"staggered\", which is the default with plastic flow";
         return Err(SetupError::value(flow.key(), message, expected));
     }
     let criterion = keys.fracture.as_ref().map(|section| section.criterion);
     let by_energy = criterion == Some(Criterion::Energy);
-    if by_energy && keys.formulation == Formulation::Correspondence {
+    if by_energy && keys.formulation() == Formulation::Correspondence {
         let message = "a bond of a correspondence solid has no energy of its own";
         let expected = "\"stretch\", or `formulation` \"bond\" or \"ordinary\"";
         return Err(SetupError::value("fracture.criterion", message, expected));
