@@ -353,6 +353,15 @@ impl Constants {
         self.properties.iter().any(depends)
     }
 
+    /// The constants of a material as properties.
+    pub fn properties(&self, material: usize) -> Vec<Property> {
+        let one = |constant: &ConstantOf| match constant {
+            ConstantOf::Given(property) => property.clone(),
+            ConstantOf::Default(value) => Property::Constant(*value),
+        };
+        self.of_material(material).iter().map(one).collect()
+    }
+
     fn of_material(&self, material: usize) -> &[ConstantOf] {
         &self.properties[material * self.count..][..self.count]
     }

@@ -11,6 +11,7 @@ use perimelt_core::{Coupler, Physics};
 use perimelt_physics::fluid::viscosity::ViscositySweep;
 use perimelt_physics::mechanical::law::ElasticLaw;
 use perimelt_physics::mechanical::plasticity::FlowSweep;
+use perimelt_physics::thermal::conductivity::AnyConductivity;
 use schemars::schema_for;
 use serde_json::Value;
 
@@ -346,6 +347,11 @@ fn known() -> Vec<(String, String, Value)> {
         <dyn ViscositySweep>::KEY,
         "viscosity.<name> = { ... } in `fluid`",
         schema_for!(Law<dyn ViscositySweep>),
+    ));
+    all.push(section(
+        <dyn AnyConductivity>::KEY,
+        "conductivity.<name> = { ... } in `thermal`",
+        schema_for!(Law<dyn AnyConductivity>),
     ));
     all.push(section("case", "[case]", schema_for!(CaseSection)));
     all.push(section(

@@ -10,6 +10,7 @@ use perimelt_core::{Change, Coupler, Physics};
 use perimelt_physics::fluid::viscosity::ViscositySweep;
 use perimelt_physics::mechanical::law::ElasticLaw;
 use perimelt_physics::mechanical::plasticity::FlowSweep;
+use perimelt_physics::thermal::conductivity::AnyConductivity;
 use schemars::SchemaGenerator;
 
 use super::Done;
@@ -37,6 +38,7 @@ pub fn run(args: &ListArgs) -> Done {
     laws::<dyn ElasticLaw>(out, "mechanical")?;
     laws::<dyn FlowSweep>(out, "mechanical")?;
     laws::<dyn ViscositySweep>(out, "fluid")?;
+    laws::<dyn AnyConductivity>(out, "thermal")?;
     writeln!(out, "\nFields (the common ones; plugins may add their own)")?;
     for (name, unit, meaning) in keys::ALL {
         row(out, name, &format!("[{unit}] {meaning}"))?;

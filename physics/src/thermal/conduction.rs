@@ -21,9 +21,10 @@ use std::sync::Arc;
 use perimelt_core::family::LayerRule;
 use perimelt_core::material::{EnthalpyCurve, HeatPotential, Property};
 use perimelt_core::solver::reduce::max_abs;
-use perimelt_core::{Bond, BondKernel, BrokenBonds, Derivatives, Family, Pddo, SlotField};
+use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Derivatives, Family, Pddo, SlotField};
 use rayon::prelude::*;
 
+use super::conductivity::Directions;
 use super::interfaces::{Across, Interfaces, MaterialPoints, Mixed};
 use super::phases::{ConductingPhase, Series};
 use super::states::{OrdinaryState, StateFlow};
@@ -40,6 +41,8 @@ pub(super) struct Conduction {
     derivatives: Option<SecondDerivatives>,
     /// Moments and gradients, in the ordinary form.
     states: Option<OrdinaryState>,
+    /// Directions of conductivities, in the ordinary form.
+    directions: Option<Directions>,
     temperature_slots: SlotField,
     conductivity_slots: SlotField,
     conductivity_field: Vec<f64>,
@@ -159,6 +162,7 @@ impl Conduction {
             calibration,
             derivatives: None,
             states: None,
+            directions: None,
             temperature_slots: SlotField::zeros(family),
             conductivity_slots: SlotField::default(),
             conductivity_field: vec![0.0; varying],
@@ -193,14 +197,21 @@ impl Conduction {
         conduction
     }
 
-    /// Selects the ordinary form, with this stabilisation.
-    pub(super) fn set_states(&mut self, dimension: usize, stabilisation: f64) {
+    /// Selects the ordinary form, with this stabilisation and the directions of conductivities, if they have any.
+    pub(super) fn set_states(
+        &mut self,
+        body: &Body,
+        stabilisation: f64,
+        directions: Option<Directions>,
+    ) {
         self.interfaces = None;
-        self.states = Some(OrdinaryState::new(
-            dimension,
-            self.rate.len(),
-            stabilisation,
-        ));
+        if let Some(directions) = directions {
+            self.uniform = None;
+            let materials = 0..self.conductivity.len();
+            self.largest = materials.map(|m| directions.largest(m)).collect();
+            self.directions = Some(directions);
+        }
+        self.states = Some(OrdinaryState::new(body, stabilisation));
     }
 
     /// Adds powder with these conductivities by material.
@@ -380,14 +391,23 @@ impl Conduction {
         total
     }
 
+    /// Whether conductivities have directions.
+    pub(super) fn has_directions(&self) -> bool {
+        self.directions.is_some()
+    }
+
     /// Whether the flow is linear in the temperature.
     pub(super) fn is_linear(&self) -> bool {
+        if let Some(directions) = &self.directions {
+            return directions.is_constant();
+        }
         let by_austenite = self.austenite.is_some();
         self.uniform.is_some()
             || !by_austenite && self.conductivity.iter().all(Property::is_constant)
     }
 
-    /// Conductivity of a point of a material at a temperature (K) and liquid fraction, W/(m K).
+    /// Conductivity of a point of a material at a temperature (K) and liquid fraction, W/(m K); the mean over its axes where it has
+    /// directions.
     pub(super) fn conductivity(
         &self,
         point: usize,
@@ -396,6 +416,9 @@ impl Conduction {
         liquid: f64,
     ) -> f64 {
         let m = material as usize;
+        if let Some(directions) = &self.directions {
+            return directions.mean(m, temperature, liquid);
+        }
         let mut conductivity = self.conductivity[m].at(temperature, liquid);
         if let Some(austenite) = &self.austenite {
             conductivity = austenite.mixed(point, m, temperature, conductivity, 1.0 - liquid);

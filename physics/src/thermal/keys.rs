@@ -1,11 +1,14 @@
 //! The `[[physics]]` table of heat. Keys that are left out and have no default here belong to some forms, solvers and points only
 //! ([`ThermalKeys`](super::kinds::ThermalKeys)).
 
+use perimelt_core::law::Law;
 use perimelt_core::{Correction, Horizon, PartialVolume, StepSize, Update};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::advection::Convection;
+
+use super::conductivity::AnyConductivity;
 
 /// Heat conduction, and convection with an Eulerian fluid; owns `temperature` and `enthalpy`, consumes `heat_source`.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -14,6 +17,10 @@ pub struct Thermal {
     /// Body that conducts; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
+    /// Law of conductivity; when left out `isotropic`, by the property `conductivity` of the material. Laws with directions need
+    /// `form = "ordinary"`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub conductivity: Option<Law<dyn AnyConductivity>>,
     /// How the divergence of the heat flux becomes a sum.
     #[serde(default)]
     pub form: Form,

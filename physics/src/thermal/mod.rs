@@ -40,6 +40,7 @@ mod carried;
 #[cfg(test)]
 mod cloud_tests;
 mod conduction;
+pub mod conductivity;
 mod control;
 mod faces;
 #[cfg(test)]

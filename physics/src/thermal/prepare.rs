@@ -16,6 +16,7 @@ use crate::dependent_keys::need;
 
 use super::carried::{CarriedHeat, FlowFields, WallInFlow};
 use super::conduction::{Conduction, calibration};
+use super::conductivity::{Conductivity, Directions, conductivities};
 use super::faces::HeatedFace;
 use super::growth::Growth;
 use super::integrate::Integrator;
@@ -77,15 +78,28 @@ impl RunningThermal {
             .transpose()?;
         let consolidated = thermal.powder(setup, &domain, refined.is_some(), &mut conduction)?;
         let austenite = thermal.austenite(setup, &domain, refined.is_some())?;
+        need(
+            austenite.is_none() || !conduction.has_directions(),
+            "conductivity",
+            "the conductivity of austenite has no directions",
+            "`conductivity.isotropic`, or a material without `austenite_conductivity`",
+        )?;
         let carried = match keys.convection {
             Some(convection) => Some(thermal.carried(setup, &domain, convection)?),
             None => None,
         };
         let has_conductance = heat_conductance.is_some();
         let surface = prepare_surface(setup, body, family, &conduction, has_conductance)?;
+        need(
+            surface.is_none() || !conduction.has_directions(),
+            "conductivity",
+            "boundaries that exchange heat through the surface take the same conductivity in all directions",
+            "`conductivity.isotropic`, or prescribed temperatures",
+        )?;
         let fixed = constraint.is_some() || surface.as_ref().is_some_and(Surface::has_conductance);
         let moves = description == Description::UpdatedLagrangian;
-        let faces = domain.heated.iter().filter(|_| !moves);
+        let is_measurable = !moves && !conduction.has_directions();
+        let faces = domain.heated.iter().filter(|_| is_measurable);
         let faces = faces.map(|face| HeatedFace::of(setup.body(body), *face));
         Ok(RunningThermal {
             solver: thermal.solver,
@@ -231,7 +245,15 @@ impl Thermal {
         form: FormKeys,
     ) -> Result<(FamilyHandle, Conduction), SetupError> {
         let body = domain.body;
-        let conductivity = setup.world().property(body, "conductivity")?;
+        let found = conductivities(self.conductivity.clone(), setup.body(body))?;
+        let directions = Directions::of(&found, setup.body(body).dimension);
+        need(
+            directions.is_none() || self.form == Form::Ordinary,
+            "form",
+            "a conductivity with directions needs the ordinary form: bonds and second derivatives conduct the same in all directions",
+            "`form = \"ordinary\"`, or `conductivity.isotropic`",
+        )?;
+        let conductivity = found.into_iter().map(Conductivity::first).collect();
         let points = setup.body(body).points.len();
         let (BondKeys { correction, .. }, stabilisation) = match form {
             FormKeys::Bonds(keys) => (keys, None),
@@ -264,7 +286,7 @@ impl Thermal {
         };
         let mut conduction = Conduction::by_bonds(&family, conductivity, points, calibration);
         if let Some(stabilisation) = stabilisation {
-            conduction.set_states(dimension, stabilisation);
+            conduction.set_states(setup.body(body), stabilisation, directions);
         }
         Ok((handle, conduction))
     }

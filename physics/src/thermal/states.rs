@@ -18,13 +18,17 @@
 //! material in all directions (`M` takes the place of corrections), also beside a crack. `s` is the stabilisation: with 1, and
 //! where `M` is the unit tensor, as in a calibrated complete family, the form is that of bonds; with 0, temperatures that
 //! alternate from point to point do not decay.
+//!
+//! A conductivity with directions, the tensor K, has `g.K g` in place of `k g.g`, and `p = M^-1 K g - s k g` with the mean k of its
+//! principal values.
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::{ByRules, LayerRule};
-use perimelt_core::{Bond, BondKernel, BrokenBonds, Family, SlotField};
+use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Family, SlotField};
 use rayon::prelude::*;
 
 use super::conduction::Matter;
+use super::conductivity::Directions;
 
 /// Families whose moment along an axis is below this fraction of a complete one keep the form of bonds.
 const LEAST_MOMENT: f64 = 0.2;
@@ -33,9 +37,10 @@ const LEAST_MOMENT: f64 = 0.2;
 #[derive(Debug)]
 pub(super) struct OrdinaryState {
     dimension: usize,
+    periodic: [bool; 3],
     stabilisation: f64,
-    /// `M^-1 - s` of each point; empty until found.
-    excess: Vec<Matrix3<f64>>,
+    /// `M^-1` of each point, `None` for poor families, which keep the form of bonds; empty until found.
+    inverse: Vec<Option<Matrix3<f64>>>,
     moment: Vec<[f64; 6]>,
     gradient: Vec<[f64; 3]>,
     /// `p` of each point, W/m².
@@ -84,12 +89,28 @@ impl BondKernel<5, 1> for StateFlow {
     }
 }
 
+/// Conductivity of points.
+#[derive(Clone, Copy)]
+pub(super) struct PointConductivity<'a> {
+    /// Mean over the directions, W/(m K).
+    pub(super) mean: &'a [f64],
+    /// Where it has directions.
+    pub(super) directions: Option<&'a Directions>,
+}
+
+/// `M^-1 - s`.
+fn excess(inverse: &Matrix3<f64>, s: f64) -> Matrix3<f64> {
+    inverse - Matrix3::identity() * s
+}
+
 impl OrdinaryState {
-    pub(super) fn new(dimension: usize, points: usize, stabilisation: f64) -> OrdinaryState {
+    pub(super) fn new(body: &Body, stabilisation: f64) -> OrdinaryState {
+        let points = body.points.len();
         OrdinaryState {
-            dimension,
+            dimension: body.dimension,
+            periodic: body.periodic,
             stabilisation,
-            excess: Vec::new(),
+            inverse: Vec::new(),
             moment: vec![[0.0; 6]; points],
             gradient: vec![[0.0; 3]; points],
             state: vec![[0.0; 3]; points],
@@ -98,59 +119,68 @@ impl OrdinaryState {
         }
     }
 
-    /// Finds `M^-1 - s` when bonds have broken since the last time.
+    /// Finds `M^-1` when bonds have broken since the last time.
     fn find_moments(&mut self, family: &Family, broken: Option<&BrokenBonds>) {
         let number = broken.map_or(0, BrokenBonds::total);
-        if !self.excess.is_empty() && number == self.broken {
+        if !self.inverse.is_empty() && number == self.broken {
             return;
         }
         self.broken = number;
         family.sum_unbroken(&Moment, [], broken, &mut self.moment);
-        let (dimension, s) = (self.dimension, self.stabilisation);
-        let excess = self.moment.par_iter().map(|[xx, yy, zz, xy, xz, yz]| {
+        let dimension = self.dimension;
+        let inverse = self.moment.par_iter().map(|[xx, yy, zz, xy, xz, yz]| {
             let mut moment = Matrix3::new(*xx, *xy, *xz, *xy, *yy, *yz, *xz, *yz, *zz);
             (dimension..3).for_each(|axis| moment[(axis, axis)] = 1.0);
             let least = moment.symmetric_eigenvalues().min();
-            match moment.try_inverse() {
-                Some(inverse) if least > LEAST_MOMENT => inverse - Matrix3::identity() * s,
-                _ => Matrix3::zeros(),
-            }
+            moment.try_inverse().filter(|_| least > LEAST_MOMENT)
         });
-        excess.collect_into_vec(&mut self.excess);
+        inverse.collect_into_vec(&mut self.inverse);
     }
 
     /// Largest ratio of the potential of a point to the potential of its bonds, by which the stable step is divided.
     pub(super) fn stiffness(&mut self, family: &Family, broken: Option<&BrokenBonds>) -> f64 {
         self.find_moments(family, broken);
         let s = self.stabilisation;
-        let of = |excess: &Matrix3<f64>| s + excess.symmetric_eigenvalues().max().max(0.0);
-        self.excess.par_iter().map(of).reduce(|| s, f64::max)
+        let of = |inverse: &Option<Matrix3<f64>>| match inverse {
+            Some(inverse) => s + excess(inverse, s).symmetric_eigenvalues().max().max(0.0),
+            None => s,
+        };
+        self.inverse.par_iter().map(of).reduce(|| s, f64::max)
     }
 
-    /// Finds `p` from temperatures by slot (K) and conductivities of the points, W/(m K).
+    /// Finds `p` from temperatures by slot (K) and conductivities of the points.
     pub(super) fn load(
         &mut self,
         matter: &Matter<'_>,
         temperature: &[f64],
-        conductivity: &[f64],
+        conductivity: PointConductivity<'_>,
         broken: Option<&BrokenBonds>,
     ) {
         let family = matter.family;
         self.find_moments(family, broken);
         family.sum_unbroken(&Slope, [temperature], broken, &mut self.gradient);
         let points = self.state.par_iter_mut().zip(&self.gradient);
-        let points = points.zip(&self.excess).zip(&self.moment).zip(conductivity);
-        let dimension = self.dimension;
-        points.for_each(|((((state, slope), excess), moment), k)| {
-            // the gradient is M^-1 times the slope
-            let [xx, yy, zz, xy, xz, yz] = *moment;
-            let mut matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-            (dimension..3).for_each(|axis| matrix[(axis, axis)] = 1.0);
-            let slope = Vector3::from(*slope);
-            let gradient = matrix.try_inverse().map_or(Vector3::zeros(), |m| m * slope);
-            *state = (*k * (excess * gradient)).into();
-        });
-        let rules = turned(family, matter.rules);
+        let points = points.zip(&self.inverse).zip(conductivity.mean);
+        let s = self.stabilisation;
+        points
+            .enumerate()
+            .for_each(|(i, (((state, slope), inverse), k))| {
+                let Some(inverse) = inverse else {
+                    *state = [0.0; 3];
+                    return;
+                };
+                // the gradient is M^-1 times the slope
+                let gradient = inverse * Vector3::from(*slope);
+                let found = match conductivity.directions {
+                    None => *k * (excess(inverse, s) * gradient),
+                    Some(directions) => {
+                        let flux = directions.times(i, matter.material[i], gradient);
+                        inverse * flux - s * *k * gradient
+                    }
+                };
+                *state = found.into();
+            });
+        let rules = self.turned(family, matter.rules);
         for (component, slots) in self.slots.iter_mut().enumerate() {
             let state = |point: usize| self.state[point][component];
             slots.load(family, state, ByRules(&rules, component));
@@ -169,18 +199,20 @@ impl OrdinaryState {
         };
         (kernel, [temperature, x, y, z, conductivity])
     }
-}
 
-/// Continuation of `p` behind faces: that of the gradient of a temperature that continues by `rules`.
-fn turned(family: &Family, rules: &[LayerRule]) -> Vec<LayerRule> {
-    let faces = family.spec().layers.iter();
-    let rule = |face: &perimelt_core::Face| {
-        let of_temperature = rules.iter().find(|r| r.face == *face);
-        let scale = of_temperature.map_or(1.0, |r| r.scale[0]);
-        LayerRule {
-            scale: std::array::from_fn(|a| if a == face.axis() { -scale } else { scale }),
-            ..LayerRule::even(*face)
-        }
-    };
-    faces.map(rule).collect()
+    /// Continuation of `p` behind faces: that of the gradient of a temperature that continues by `rules`; behind periodic faces
+    /// it is a copy.
+    fn turned(&self, family: &Family, rules: &[LayerRule]) -> Vec<LayerRule> {
+        let faces = family.spec().layers.iter();
+        let mirrored = faces.filter(|face| !self.periodic[face.axis()]);
+        let rule = |face: &perimelt_core::Face| {
+            let of_temperature = rules.iter().find(|r| r.face == *face);
+            let scale = of_temperature.map_or(1.0, |r| r.scale[0]);
+            LayerRule {
+                scale: std::array::from_fn(|a| if a == face.axis() { -scale } else { scale }),
+                ..LayerRule::even(*face)
+            }
+        };
+        mirrored.map(rule).collect()
+    }
 }

@@ -5,6 +5,7 @@ use perimelt_core::material::HeatPotential;
 use rayon::prelude::*;
 
 use super::{BondConductivity, Conduction, Matter};
+use crate::thermal::states::PointConductivity;
 
 /// Slots per parallel task.
 const SLOTS_PER_TASK: usize = 4096;
@@ -31,9 +32,16 @@ impl Conduction {
         if let Some(interfaces) = &mut self.interfaces {
             interfaces.load(matter.family);
         }
+        if let Some(directions) = &mut self.directions {
+            directions.evaluate(temperature, matter.material, matter.curves);
+        }
         if let Some(states) = &mut self.states {
-            let (temperature, conductivity) = (&self.temperature_slots, &self.conductivity_field);
-            states.load(matter, temperature, conductivity, self.broken.as_ref());
+            let conductivity = PointConductivity {
+                mean: &self.conductivity_field,
+                directions: self.directions.as_ref(),
+            };
+            let broken = self.broken.as_ref();
+            states.load(matter, &self.temperature_slots, conductivity, broken);
         }
     }
 

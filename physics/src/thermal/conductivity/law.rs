@@ -1,0 +1,148 @@
+//! Laws of conductivity as plugins: [`ConductivityLaw`].
+//!
+//! A law is the struct of its keys in the case file, `conductivity.<name> = { keys }`, and says at set-up how the conductivity of a
+//! material follows from its properties, which are numbers, tables of the temperature, or given by phase. Nothing is called in a
+//! step.
+
+use std::fmt::Debug;
+
+use nalgebra::Vector3;
+use perimelt_core::SetupError;
+use perimelt_core::law::{Constant, LawFacts, LawKind, LawRegistration};
+use perimelt_core::material::Property;
+use serde::Serialize;
+
+/// Conductivity of a material, W/(m K).
+#[derive(Clone, Debug)]
+pub enum Conductivity {
+    /// The same in all directions.
+    Isotropic(Property),
+    /// Along principal axes.
+    Principal(Principal),
+}
+
+impl Conductivity {
+    /// In all directions, or along the first axis.
+    pub(in crate::thermal) fn first(self) -> Property {
+        match self {
+            Conductivity::Isotropic(conductivity) => conductivity,
+            Conductivity::Principal(Principal { conductivity, .. }) => {
+                let [first, ..] = conductivity;
+                first
+            }
+        }
+    }
+}
+
+/// Conductivities along principal axes, unit vectors at right angles; of a plane body the first two lie in its plane.
+#[derive(Clone, Debug)]
+pub struct Principal {
+    /// By axis, W/(m K).
+    pub conductivity: [Property; 3],
+    /// Unit vectors.
+    pub axes: [Vector3<f64>; 3],
+}
+
+/// A law of conductivity.
+pub trait ConductivityLaw: Clone + Debug + Send + Sync + Serialize + 'static {
+    /// Properties of materials that the law needs.
+    const CONSTANTS: &'static [Constant];
+    /// Checks the keys.
+    ///
+    /// # Errors
+    /// A value that makes no sense; the key of the error begins behind the name of the law.
+    fn check(&self) -> Result<(), SetupError> {
+        Ok(())
+    }
+
+    /// The conductivity of a material with these properties, in the order of their declaration.
+    fn conductivity(&self, properties: &[Property]) -> Conductivity;
+}
+
+/// A law of conductivity, whose type is not known.
+pub trait AnyConductivity: Debug + Send + Sync + erased_serde::Serialize {
+    /// See [`ConductivityLaw::CONSTANTS`].
+    fn constants(&self) -> &'static [Constant];
+
+    /// See [`ConductivityLaw::check`].
+    ///
+    /// # Errors
+    /// Those of the law.
+    fn check(&self) -> Result<(), SetupError>;
+
+    /// See [`ConductivityLaw::conductivity`].
+    fn conductivity(&self, properties: &[Property]) -> Conductivity;
+
+    /// A copy.
+    fn copy(&self) -> Box<dyn AnyConductivity>;
+}
+
+erased_serde::serialize_trait_object!(AnyConductivity);
+
+impl Clone for Box<dyn AnyConductivity> {
+    fn clone(&self) -> Self {
+        (**self).copy()
+    }
+}
+
+impl<L: ConductivityLaw> AnyConductivity for L {
+    fn constants(&self) -> &'static [Constant] {
+        L::CONSTANTS
+    }
+
+    fn check(&self) -> Result<(), SetupError> {
+        ConductivityLaw::check(self)
+    }
+
+    fn conductivity(&self, properties: &[Property]) -> Conductivity {
+        ConductivityLaw::conductivity(self, properties)
+    }
+
+    fn copy(&self) -> Box<dyn AnyConductivity> {
+        Box::new(self.clone())
+    }
+}
+
+/// A registered law of conductivity.
+pub struct ConductivityRegistration(pub LawRegistration<dyn AnyConductivity>);
+
+perimelt_core::inventory::collect!(ConductivityRegistration);
+
+impl LawKind for dyn AnyConductivity {
+    const KEY: &'static str = "conductivity";
+
+    fn registrations() -> Box<dyn Iterator<Item = &'static LawRegistration<Self>>> {
+        let all = perimelt_core::inventory::iter::<ConductivityRegistration>;
+        Box::new(all.into_iter().map(|registration| &registration.0))
+    }
+}
+
+/// What `perimelt explain` says about a law besides its keys.
+pub const fn facts<L: ConductivityLaw>() -> LawFacts {
+    LawFacts {
+        constants: L::CONSTANTS,
+        state: &[],
+        others: &[],
+    }
+}
+
+/// Makes a [`ConductivityLaw`] known as `conductivity.<name>`: `register_conductivity_law!("isotropic", Isotropic)`. The law
+/// implements `Serialize`, `Deserialize` (with `deny_unknown_fields`) and `JsonSchema`.
+#[macro_export]
+macro_rules! register_conductivity_law {
+    ($name:literal, $law:ty) => {
+        $crate::perimelt_core::inventory::submit! {
+            $crate::thermal::conductivity::ConductivityRegistration(
+                $crate::perimelt_core::law::LawRegistration {
+                    name: $name,
+                    schema: |generator| generator.subschema_for::<$law>(),
+                    from_keys: |keys| {
+                        let law: $law = $crate::perimelt_core::erased_serde::deserialize(keys)?;
+                        Ok(Box::new(law))
+                    },
+                    facts: $crate::thermal::conductivity::facts::<$law>(),
+                },
+            )
+        }
+    };
+}
