@@ -368,7 +368,7 @@ fn a_sweep_goes_on_after_it_was_killed_while_it_wrote_or_ran() {
     ];
     let (done, message) = told(folder, &other);
     assert!(
-        !done && message.contains("sweep with other cases"),
+        !done && message.contains("belongs to a sweep of other cases"),
         "{message}"
     );
 }

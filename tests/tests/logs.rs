@@ -348,7 +348,7 @@ fn a_log_is_written_to_a_regular_file_only() {
     let (status, _, message) = told(folder, &["info", "pipe"]);
     assert_eq!(
         (status, &*message),
-        (1, "error: pipe is no regular file, which a log must be\n")
+        (1, "error: pipe is not a regular file; a log must be one\n")
     );
     // a link stays, and its file is replaced
     std::os::unix::fs::symlink("data/real.mcap", at("link.mcap")).expect("a link");
@@ -385,8 +385,9 @@ fn a_full_disk_is_told_with_the_log_and_how_to_go_on() {
     assert_eq!(output.status.code(), Some(1), "{message}");
     assert!(
         message.starts_with("error: could not write the log long.mcap: ")
-            && message
-                .ends_with("; the log so far is sound: `perimelt resume long.mcap` continues it\n"),
+            && message.ends_with(
+                "; the log is intact up to the last complete state: `perimelt resume long.mcap` continues it\n"
+            ),
         "{message}"
     );
     let (status, _, message) = told(

@@ -35,7 +35,7 @@ fn links_lead_to_the_file_that_is_replaced() {
     symlink("circle", at("circle")).expect("a link");
     let refused = LogPlace::claim(&at("circle"), Existing::Keep);
     let refused = refused.expect_err("a circle").to_string();
-    assert!(refused.contains("lead in a circle"), "{refused}");
+    assert!(refused.contains("form a cycle"), "{refused}");
 }
 
 #[test]

@@ -205,11 +205,11 @@ mod tests {
                 .join("; ")
         };
         assert_eq!(warnings("9999", ""), "");
-        assert!(warnings("39e3", "").contains("39000 K, at which no metal is condensed"));
+        assert!(warnings("39e3", "").contains("39000 K, above the boiling point of every metal"));
         let of_boiling = warnings("39e3", "boiling_temperature = 3000");
         assert!(
             of_boiling.contains("above that of boiling, 3000 K")
-                && !of_boiling.contains("condensed"),
+                && !of_boiling.contains("every metal"),
             "{of_boiling}"
         );
     }
