@@ -337,7 +337,7 @@ mod tests {
         assert!(told("couplers.laser.power").contains("`torch`, `radiation`"));
         assert!(told("couplers.9.power").contains("4 elements"));
         assert!(told("couplers.torch.toolpath.line").contains("`speed`, `start`"));
-        assert!(told("time.end.x").contains("`end` in `time` is a value and has no keys"));
+        assert!(told("time.end.x").contains("`end` in `time.end.x` is a value and has no keys"));
         assert!(told("tim").contains("did you mean `time`?"));
         assert!(told("power").contains("did you mean `couplers.torch.power`?"));
         assert!(told("line.speed").contains("`couplers.torch.toolpath.line.speed`"));
