@@ -3,11 +3,10 @@
 use std::io::Write;
 
 use perimelt_core::error::nearest;
-use perimelt_core::field;
 use perimelt_core::law::{Law, LawKind};
 use perimelt_core::material::{MaterialSection, ValueRange, known_properties};
 use perimelt_core::plugin::{Registration, registered};
-use perimelt_core::{Coupler, Physics};
+use perimelt_core::{Coupler, Physics, field};
 use perimelt_physics::fluid::viscosity::ViscositySweep;
 use perimelt_physics::mechanical::law::ElasticLaw;
 use perimelt_physics::mechanical::plasticity::FlowSweep;

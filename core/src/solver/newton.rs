@@ -103,7 +103,7 @@ const WORK_BEYOND: f64 = 0.8;
 
 /// A step that a line search accepts.
 struct Accepted {
-    /// Of the full step.
+    /// Fraction of the full step.
     fraction: f64,
     /// Norm of the residual behind it.
     residual: f64,

@@ -81,7 +81,7 @@ struct RunningTraction {
 enum TractionSink {
     Points {
         body_force: Write<Vector3<f64>>,
-        /// Of a body that takes it.
+        /// `body_force_moment` of a body that takes it.
         moment: Option<Write<Matrix3<f64>>>,
     },
     Layers(Vec<(Face, LayerHandle)>),

@@ -117,7 +117,7 @@ pub(super) struct LawState {
 }
 
 impl LawState {
-    /// Those of the law of flow.
+    /// The state variables of the law of flow.
     pub(super) fn of_flow(plasticity: &Plasticity) -> Self {
         LawState {
             law: plasticity.law_name(),
@@ -125,7 +125,7 @@ impl LawState {
         }
     }
 
-    /// Those of a law of points.
+    /// The state variables of a law of points.
     pub(super) fn of_points(points: &LawPoints) -> Self {
         LawState {
             law: points.law_name(),

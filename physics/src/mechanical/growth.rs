@@ -30,8 +30,7 @@
 //!
 //! Births hence change no stress of any other point; what is unbalanced after a cut is what the material that is gone carried.
 //!
-//! A body in motion (`explicit`) gets its material at the velocity of what is around it. The balance of momentum counts what
-//! comes and goes with material as given.
+//! A body in motion (`explicit`) gets material at the velocity around it; its balance of momentum counts what comes and goes.
 //!
 //! Points of staggered solids have the family of their own corners: births change no H of others, and new corners continue the
 //! displacement of those with which they share a cell.
@@ -85,10 +84,8 @@ pub(super) fn check(
     };
     let refuse =
         |key: &str, message: String, expected: &str| Err(SetupError::value(key, message, expected));
-    if matches!(
-        keys.formulation(),
-        Formulation::Bond | Formulation::Ordinary
-    ) {
+    let formulation = keys.formulation();
+    if matches!(formulation, Formulation::Bond | Formulation::Ordinary) {
         let message = format!("`formulation = \"bond\"` and `\"ordinary\"` do not support {cause}");
         let expected = "`formulation = \"correspondence\"` or `\"staggered\"`";
         return refuse("formulation", message, expected);

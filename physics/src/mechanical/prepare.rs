@@ -2,9 +2,12 @@
 
 use std::sync::Arc;
 
+use perimelt_core::family::LayerRule;
 use perimelt_core::solver::Verlet;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Body, Correction, Face, Family, FamilySpec, Horizon, Setup, SetupError, keys};
+use perimelt_core::{
+    Body, Correction, Face, Family, FamilySpec, Horizon, Setup, SetupError, World, keys,
+};
 
 use super::energy::Energy;
 use super::equilibrium::Statics;
@@ -16,7 +19,7 @@ use super::law::{ChosenLaw, Parts};
 use super::moduli::Elasticity;
 use super::momentum::Balanced;
 use super::plasticity::{ChosenFlow, Plasticity};
-use super::solid::{Constitution, PointStates};
+use super::solid::{Constitution, PointStates, Solid};
 use super::staggered;
 use super::step::{MechanicalRun, MechanicalState};
 use super::surface_stress::{Extrapolation, SurfaceStress};
@@ -30,11 +33,8 @@ pub(super) fn run(
     keys.check()?;
     // before the flow is taken, on which its default depends
     keys.formulation = Some(keys.formulation());
-    let flow = ChosenFlow::of(
-        keys.plasticity.take(),
-        keys.flow.take(),
-        keys.annealing_temperature,
-    )?;
+    let (plasticity, flow) = (keys.plasticity.take(), keys.flow.take());
+    let flow = ChosenFlow::of(plasticity, flow, keys.annealing_temperature)?;
     let law = ChosenLaw::of(keys.law.take(), keys.formulation())?;
     let keys = &*keys;
     let body = setup.find_body(keys.body.as_deref())?;
@@ -44,19 +44,7 @@ pub(super) fn run(
         staggered::check(keys, &layers.rules)?;
     }
     let family = family(keys, setup, body, layers.faces())?;
-    let bent = layers
-        .rules
-        .into_iter()
-        .find(|rule| rule.traction.is_some());
-    if let (MechanicalSolver::Explicit { .. }, Some(rule)) = (&keys.solver, &bent) {
-        let message = format!(
-            "the traction on face `{}` acts by a layer, whose forces have no energy: a body in motion would gain energy \
-             without bound",
-            rule.face.name()
-        );
-        let expected = "`by = \"body_force\"` in `traction`, or a solver of equilibrium: `quasi_static`, `relaxation`";
-        return Err(SetupError::value("solver", message, expected));
-    }
+    let bent = traction_layer(keys, layers.rules)?;
     law.check(setup, body, flow.as_ref(), bent.as_ref())?;
     if let Some(rule) = bent {
         growth::check_layer(setup, body, rule.face)?;
@@ -64,15 +52,7 @@ pub(super) fn run(
     for section in &keys.sections {
         section.check(setup, body)?;
     }
-    let extrapolation = match keys.surface_stress {
-        SurfaceStress::Direct => None,
-        SurfaceStress::Extrapolated if keys.fracture.is_some() => {
-            let message = "stress is not extrapolated past cracks";
-            let expected = "\"direct\" with `fracture`";
-            return Err(SetupError::value("surface_stress", message, expected));
-        }
-        SurfaceStress::Extrapolated => Some(Extrapolation::new(setup.body(body), &family)?),
-    };
+    let extrapolation = extrapolation(keys, setup.body(body), &family)?;
     let constitution = constitution(keys, flow, setup, body, &family)?;
     let damping = match keys.solver {
         MechanicalSolver::Explicit { damping } => Some(damping),
@@ -84,8 +64,11 @@ pub(super) fn run(
         law: None,
         breaks: constitution.fracture.is_some(),
     };
-    let is_plastic = features.flow.is_some();
-    let validity = Validity::new(setup.body(body), !constitution.finite, is_plastic);
+    let validity = Validity::new(
+        setup.body(body),
+        !constitution.finite,
+        features.flow.is_some(),
+    );
     let parts = Parts {
         body: setup.body(body),
         family,
@@ -96,15 +79,7 @@ pub(super) fn run(
         constants: law.constants(setup.body(body))?,
     };
     let mut solid = law.law.solid(parts)?;
-    if let (Some(_), Some(present)) = (
-        solid.base().nodes.corners(),
-        setup.world().present_points(body),
-    ) {
-        solid.set_points(PointStates {
-            present: Some(&present),
-            ..PointStates::default()
-        });
-    }
+    load_present(&mut *solid, setup.world(), body);
     let statics = Statics::new(&keys.solver, solid.base().tangent());
     let density = setup.world().density_at_points(body)?;
     features.law = solid.base().law_points.as_ref().map(LawState::of_points);
@@ -134,6 +109,52 @@ pub(super) fn run(
             ..MechanicalState::default()
         },
     })
+}
+
+/// The rule of the layer by which a traction acts, if there is one.
+fn traction_layer(
+    keys: &Mechanical,
+    rules: Vec<LayerRule>,
+) -> Result<Option<LayerRule>, SetupError> {
+    let bent = rules.into_iter().find(|rule| rule.traction.is_some());
+    if let (MechanicalSolver::Explicit { .. }, Some(rule)) = (&keys.solver, &bent) {
+        let message = format!(
+            "the traction on face `{}` acts by a layer, whose forces have no energy: a body in motion would gain energy \
+             without bound",
+            rule.face.name()
+        );
+        let expected = "`by = \"body_force\"` in `traction`, or a solver of equilibrium: `quasi_static`, `relaxation`";
+        return Err(SetupError::value("solver", message, expected));
+    }
+    Ok(bent)
+}
+
+/// The extrapolation of stress to the surface, if it is asked for.
+fn extrapolation(
+    keys: &Mechanical,
+    body: &Body,
+    family: &Family,
+) -> Result<Option<Extrapolation>, SetupError> {
+    match keys.surface_stress {
+        SurfaceStress::Direct => Ok(None),
+        SurfaceStress::Extrapolated if keys.fracture.is_some() => {
+            let message = "stress is not extrapolated past cracks";
+            let expected = "\"direct\" with `fracture`";
+            Err(SetupError::value("surface_stress", message, expected))
+        }
+        SurfaceStress::Extrapolated => Ok(Some(Extrapolation::new(body, family)?)),
+    }
+}
+
+/// Tells a solid whose nodes are corners which points have material.
+fn load_present(solid: &mut dyn Solid, world: &World, body: BodyIndex) {
+    let present = world.present_points(body);
+    if let (Some(_), Some(present)) = (solid.base().nodes.corners(), present) {
+        solid.set_points(PointStates {
+            present: Some(&present),
+            ..PointStates::default()
+        });
+    }
 }
 
 /// Volume over mean volume of each component, if points differ; else empty.

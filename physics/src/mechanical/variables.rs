@@ -27,12 +27,12 @@ impl VariableStates {
         &variables[point * self.width.max(1)..][..self.width]
     }
 
-    /// Those of a point at the end of the last step.
+    /// State variables of a point at the end of the last step.
     pub(super) fn settled(&self, point: usize) -> &[f64] {
         self.row(&self.settled, point)
     }
 
-    /// Those of a point in the trial state.
+    /// State variables of a point in the trial state.
     pub(super) fn tried(&self, point: usize) -> &[f64] {
         self.row(&self.tried, point)
     }

@@ -63,7 +63,7 @@ pub trait ViscositySweep: Debug + Send + Sync + erased_serde::Serialize {
     /// See [`ViscosityLaw::check`].
     ///
     /// # Errors
-    /// Those of the law.
+    /// Errors of the law.
     fn check(&self) -> Result<(), SetupError>;
 
     /// See [`ViscosityLaw::largest`].

@@ -78,7 +78,7 @@ impl JohnsonCook {
 }
 
 impl Factors {
-    /// Those of a point without constants.
+    /// Factors of a point without constants.
     const NONE: Factors = Factors {
         strength: f64::NAN,
         hardening: f64::NAN,

@@ -38,7 +38,7 @@ pub trait FlowRule: std::fmt::Debug + Send + Sync + Serialize {
     /// See [`FlowLaw::prepare`].
     ///
     /// # Errors
-    /// Those of the law.
+    /// Errors of the law.
     fn prepare(&mut self) -> Result<(), SetupError>;
 
     /// Flow from a trial stress (Pa) without transformation plasticity; sets the state variables.

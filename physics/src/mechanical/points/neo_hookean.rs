@@ -67,7 +67,7 @@ impl PointLaw for NeoHookean {
         Some(change * shear + turned + inverse.transpose() * (lame * relative.trace()))
     }
 
-    /// That of uniaxial strain, `d P / d F = mu (1 + F^-2) + lame (1 - ln F) F^-2`.
+    /// The slope of uniaxial strain, `d P / d F = mu (1 + F^-2) + lame (1 - ln F) F^-2`.
     fn steepest(&self, point: &LawPoint<'_>) -> f64 {
         let (shear, lame) = (point.shear_modulus, point.lame());
         let (square, log) = (self.least_stretch.powi(-2), self.least_stretch.ln());

@@ -39,7 +39,7 @@ pub trait PointResponse: std::fmt::Debug + Send + Sync + erased_serde::Serialize
     /// See [`PointLaw::prepare`].
     ///
     /// # Errors
-    /// Those of the law.
+    /// Errors of the law.
     fn prepare(&mut self) -> Result<(), SetupError>;
 
     /// H with the components that the stress state leaves open, at the end of a step; advances the state variables to it.

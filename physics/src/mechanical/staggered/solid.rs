@@ -144,7 +144,7 @@ impl<const D: usize> Solid for Staggered<D> {
         }
     }
 
-    /// That of the shortest wave along an axis, `2 c_p / h`, which no other exceeds where corners carry the mass of their cells.
+    /// The frequency of the shortest wave along an axis, `2 c_p / h`, which no other exceeds where corners carry the mass of their cells.
     fn largest_frequency(&mut self, density: &[f64], _rules: &[LayerRule]) -> f64 {
         let of_point = |(point, density): (usize, &f64)| {
             let Moduli { lame, shear, .. } = self.base.elastic.moduli(point);

@@ -1,4 +1,4 @@
-//! The same conductivity in all directions.
+//! Equal conductivity in all directions.
 
 use perimelt_core::law::Constant;
 use perimelt_core::material::Property;

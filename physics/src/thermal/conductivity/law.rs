@@ -15,7 +15,7 @@ use serde::Serialize;
 /// Conductivity of a material, W/(m K).
 #[derive(Clone, Debug)]
 pub enum Conductivity {
-    /// The same in all directions.
+    /// Equal in all directions.
     Isotropic(Property),
     /// Along principal axes.
     Principal(Principal),
@@ -67,7 +67,7 @@ pub trait AnyConductivity: Debug + Send + Sync + erased_serde::Serialize {
     /// See [`ConductivityLaw::check`].
     ///
     /// # Errors
-    /// Those of the law.
+    /// Errors of the law.
     fn check(&self) -> Result<(), SetupError>;
 
     /// See [`ConductivityLaw::conductivity`].
