@@ -326,6 +326,14 @@ impl SetupError {
     pub fn other(key: impl Into<String>, cause: impl Into<Cause>) -> Self {
         Self::new(key, Problem::Other(cause.into()))
     }
+
+    /// The error of a table that stands at `key` of the plugin's table.
+    pub fn below(self, key: &str) -> Self {
+        SetupError {
+            key: format!("{key}.{}", self.key),
+            ..self
+        }
+    }
 }
 
 impl From<HorizonError> for SetupError {

@@ -121,6 +121,22 @@ pub struct LawRegistration<P: ?Sized + 'static> {
     pub facts: LawFacts,
 }
 
+/// The [`LawRegistration`] of a struct of keys: its name, its type, what makes the object of the kind of it, and its facts.
+#[macro_export]
+macro_rules! law_registration {
+    ($name:expr, $law:ty, $object:expr, $facts:expr) => {
+        $crate::law::LawRegistration {
+            name: $name,
+            schema: |generator| generator.subschema_for::<$law>(),
+            from_keys: |keys| {
+                let law: $law = $crate::erased_serde::deserialize(keys)?;
+                Ok(Box::new($object(law)))
+            },
+            facts: $facts,
+        }
+    };
+}
+
 /// A kind of law, such as that of plastic flow: the type of its objects.
 pub trait LawKind: 'static {
     /// The key of the plugin that takes a law of this kind.

@@ -3,14 +3,9 @@
 use std::io::Write;
 
 use perimelt_core::error::nearest;
-use perimelt_core::law::{Law, LawKind};
 use perimelt_core::material::{MaterialSection, ValueRange, known_properties};
 use perimelt_core::plugin::{Registration, registered};
 use perimelt_core::{Coupler, Physics, field};
-use perimelt_physics::fluid::viscosity::ViscositySweep;
-use perimelt_physics::mechanical::law::ElasticLaw;
-use perimelt_physics::mechanical::plasticity::FlowSweep;
-use perimelt_physics::thermal::conductivity::AnyConductivity;
 use schemars::schema_for;
 use serde_json::Value;
 
@@ -332,26 +327,11 @@ fn known() -> Vec<(String, String, Value)> {
             .iter()
             .map(|r| section(r.name, "[[couplers]]", (r.schema)())),
     );
-    all.push(section(
-        <dyn ElasticLaw>::KEY,
-        "law.<name> = { ... } in `mechanical`",
-        schema_for!(Law<dyn ElasticLaw>),
-    ));
-    all.push(section(
-        <dyn FlowSweep>::KEY,
-        "flow.<name> = { ... } in `mechanical`",
-        schema_for!(Law<dyn FlowSweep>),
-    ));
-    all.push(section(
-        <dyn ViscositySweep>::KEY,
-        "viscosity.<name> = { ... } in `fluid`",
-        schema_for!(Law<dyn ViscositySweep>),
-    ));
-    all.push(section(
-        <dyn AnyConductivity>::KEY,
-        "conductivity.<name> = { ... } in `thermal`",
-        schema_for!(Law<dyn AnyConductivity>),
-    ));
+    all.extend(
+        list::LAWS
+            .iter()
+            .map(|kind| section(kind.key, &kind.place(), (kind.schema)())),
+    );
     all.push(section("case", "[case]", schema_for!(CaseSection)));
     all.push(section(
         "bodies",

@@ -3,7 +3,7 @@
 use std::io::Write;
 
 use perimelt_core::field::keys;
-use perimelt_core::law::LawKind;
+use perimelt_core::law::{Law, LawKind, LawRegistration};
 use perimelt_core::material::known_properties;
 use perimelt_core::plugin::{Registration, registered};
 use perimelt_core::{Change, Coupler, Physics};
@@ -11,7 +11,7 @@ use perimelt_physics::fluid::viscosity::ViscositySweep;
 use perimelt_physics::mechanical::law::ElasticLaw;
 use perimelt_physics::mechanical::plasticity::FlowSweep;
 use perimelt_physics::thermal::conductivity::AnyConductivity;
-use schemars::SchemaGenerator;
+use schemars::{Schema, SchemaGenerator, schema_for};
 
 use super::Done;
 use crate::{case::schema, library};
@@ -35,10 +35,17 @@ pub fn run(args: &ListArgs) -> Done {
     plugins::<dyn Physics>(out)?;
     writeln!(out, "\nCouplers ([[couplers]], type = ...)")?;
     plugins::<dyn Coupler>(out)?;
-    laws::<dyn ElasticLaw>(out, "mechanical")?;
-    laws::<dyn FlowSweep>(out, "mechanical")?;
-    laws::<dyn ViscositySweep>(out, "fluid")?;
-    laws::<dyn AnyConductivity>(out, "thermal")?;
+    for kind in LAWS {
+        writeln!(
+            out,
+            "\nLaws ({}; more by `perimelt explain {}.<name>`)",
+            kind.place(),
+            kind.key
+        )?;
+        for (name, meaning) in (kind.names)() {
+            row(out, name, &meaning)?;
+        }
+    }
     writeln!(out, "\nFields (the common ones; plugins may add their own)")?;
     for (name, unit, meaning) in keys::ALL {
         row(out, name, &format!("[{unit}] {meaning}"))?;
@@ -65,20 +72,50 @@ pub fn run(args: &ListArgs) -> Done {
     Ok(())
 }
 
-/// The laws of one kind of a plugin.
-fn laws<P: LawKind + ?Sized>(out: &mut impl Write, plugin: &str) -> Done {
-    let key = P::KEY;
-    writeln!(
-        out,
-        "\nLaws ({key}.<name> = {{ ... }} in `{plugin}`; more by `perimelt explain {key}.<name>`)"
-    )?;
-    for law in P::registered() {
+/// A kind of law with the plugin that takes it.
+pub(super) struct KindOfLaw {
+    /// Key of the plugin.
+    pub key: &'static str,
+    plugin: &'static str,
+    /// Schema of the key.
+    pub schema: fn() -> Schema,
+    /// Names and meanings.
+    names: fn() -> Vec<(&'static str, String)>,
+}
+
+/// All kinds of laws.
+pub(super) const LAWS: [KindOfLaw; 4] = [
+    KindOfLaw::of::<dyn ElasticLaw>("mechanical"),
+    KindOfLaw::of::<dyn FlowSweep>("mechanical"),
+    KindOfLaw::of::<dyn ViscositySweep>("fluid"),
+    KindOfLaw::of::<dyn AnyConductivity>("thermal"),
+];
+
+impl KindOfLaw {
+    const fn of<P: LawKind + ?Sized>(plugin: &'static str) -> Self {
+        KindOfLaw {
+            key: P::KEY,
+            plugin,
+            schema: || schema_for!(Law<P>),
+            names: names_of_laws::<P>,
+        }
+    }
+
+    /// Where a case file gives a law of this kind.
+    pub fn place(&self) -> String {
+        let KindOfLaw { key, plugin, .. } = self;
+        format!("{key}.<name> = {{ ... }} in `{plugin}`")
+    }
+}
+
+fn names_of_laws<P: LawKind + ?Sized>() -> Vec<(&'static str, String)> {
+    let one = |law: &LawRegistration<P>| {
         let mut generator = SchemaGenerator::default();
         let schema = (law.schema)(&mut generator).to_value();
         let root = serde_json::json!({ "$defs": generator.take_definitions(true) });
-        row(out, law.name, &schema::one_line(&root, &schema))?;
-    }
-    Ok(())
+        (law.name, schema::one_line(&root, &schema))
+    };
+    P::registered().into_iter().map(one).collect()
 }
 
 /// The table of what may happen to points, by plugin.

@@ -44,7 +44,7 @@ use checks::{check_bead, check_layers, direction};
 
 use crate::InTime;
 use crate::heat_source::{grid, mirror_copies};
-use crate::toolpath::{TimedPath, Toolpath, Track, TrackTime, in_table};
+use crate::toolpath::{TimedPath, Toolpath, Track, TrackTime};
 
 /// Fraction of a spacing that a toolpath may move in a step.
 const STEP_FRACTION: f64 = 0.5;
@@ -190,7 +190,7 @@ impl Deposit {
         // a toolpath without a power deposits throughout
         let track = toolpath.track(Some(1.0), &setup.path(""));
         let kind = toolpath.kind();
-        let track = track.map_err(|e| in_table(format!("toolpath.{kind}"), e))?;
+        let track = track.map_err(|e| e.below(&format!("toolpath.{kind}")))?;
         let path = TimedPath::new(track);
         if path.waits() {
             let message = "a toolpath that waits belongs to a heat source";

@@ -22,7 +22,7 @@ use super::lattice::{LatticeBody, grid};
 use super::shape::{CellGrid, Cells, Depositor, HeatedSurface, SourceShape};
 use super::step_positions::StepPositions;
 use crate::surface::OnBody;
-use crate::toolpath::{ClockState, Pulse, TimedPath, Toolpath, Track, in_table};
+use crate::toolpath::{ClockState, Pulse, TimedPath, Toolpath, Track};
 
 /// Fraction of the shortest length that the source may move in a step.
 const STEP_FRACTION: f64 = 0.25;
@@ -129,7 +129,7 @@ impl<S: SourceShape> MovingSource<S> {
         self.supply
             .toolpath
             .track(power, folder)
-            .map_err(|e| in_table(format!("toolpath.{kind}"), e))
+            .map_err(|e| e.below(&format!("toolpath.{kind}")))
     }
 
     /// [`Coupler::publish`](perimelt_core::Coupler::publish).

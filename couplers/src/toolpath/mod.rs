@@ -137,14 +137,6 @@ impl Toolpath {
 /// Most moves of a pattern, to refuse lengths in the wrong unit instead of filling the memory.
 const MOST_MOVES: f64 = 1e7;
 
-/// The mistake of the toolpath at `key` in the table of a plugin.
-pub(crate) fn in_table(key: String, mistake: SetupError) -> SetupError {
-    SetupError {
-        key: format!("{key}.{}", mistake.key),
-        ..mistake
-    }
-}
-
 /// A move without length.
 fn no_length(key: &str) -> SetupError {
     let message = format!("`{key}` of the toolpath gives a move of length zero");

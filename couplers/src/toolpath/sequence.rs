@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::track::TrackBuilder;
 use super::wait::WaitUntil;
-use super::{Toolpath, Track, in_table, no_length, place};
+use super::{Toolpath, Track, no_length, place};
 use perimelt_core::SetupError;
 use perimelt_core::numbers::check_at_least;
 
@@ -48,8 +48,8 @@ impl Sequence {
             let own = pass.toolpath.track(default_power, base_dir);
             let key = |name: &str| format!("passes[{index}].{name}");
             let table = key(&format!("toolpath.{}", pass.toolpath.kind()));
-            let own = own.map_err(|e| in_table(table.clone(), e))?;
-            check_at_least("start_time", own.start(), 0.0, "s").map_err(|e| in_table(table, e))?;
+            let own = own.map_err(|e| e.below(&table))?;
+            check_at_least("start_time", own.start(), 0.0, "s").map_err(|e| e.below(&table))?;
             if own.end().is_none() && index + 1 < self.passes.len() {
                 let message = format!("pass {} has no end, but another one follows", index + 1);
                 return Err(SetupError::value(

@@ -285,15 +285,7 @@ macro_rules! register_elastic_law {
     ($name:literal, $law:ty, $kind:ty) => {
         $crate::perimelt_core::inventory::submit! {
             $crate::mechanical::law::ElasticRegistration {
-                law: $crate::perimelt_core::law::LawRegistration {
-                    name: $name,
-                    schema: |generator| generator.subschema_for::<$law>(),
-                    from_keys: |keys| {
-                        let law: $law = $crate::perimelt_core::erased_serde::deserialize(keys)?;
-                        Ok(Box::new(<$kind>::from(law)))
-                    },
-                    facts: <$kind>::FACTS,
-                },
+                law: $crate::perimelt_core::law_registration!($name, $law, <$kind>::from, <$kind>::FACTS),
                 formulations: <$kind>::FORMULATIONS,
             }
         }
@@ -352,10 +344,7 @@ impl ChosenLaw {
             );
             return Err(SetupError::value("law", message, expected));
         }
-        law.prepare().map_err(|error| SetupError {
-            key: format!("{}.{}", key_of(name), error.key),
-            ..error
-        })?;
+        law.prepare().map_err(|e| e.below(&key_of(name)))?;
         Ok(ChosenLaw { name, law })
     }
 

@@ -164,15 +164,7 @@ macro_rules! register_viscosity_law {
     ($name:literal, $law:ty) => {
         $crate::perimelt_core::inventory::submit! {
             $crate::fluid::viscosity::ViscosityRegistration(
-                $crate::perimelt_core::law::LawRegistration {
-                    name: $name,
-                    schema: |generator| generator.subschema_for::<$law>(),
-                    from_keys: |keys| {
-                        let law: $law = $crate::perimelt_core::erased_serde::deserialize(keys)?;
-                        Ok(Box::new(law))
-                    },
-                    facts: $crate::fluid::viscosity::facts::<$law>(),
-                },
+                $crate::perimelt_core::law_registration!($name, $law, ::core::convert::identity, $crate::fluid::viscosity::facts::<$law>()),
             )
         }
     };

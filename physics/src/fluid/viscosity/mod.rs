@@ -61,10 +61,7 @@ impl Viscosity {
         };
         let law = law.unwrap_or_else(newtonian);
         let key = format!("viscosity.{}", law.name);
-        law.law.check().map_err(|e| SetupError {
-            key: format!("{key}.{}", e.key),
-            ..e
-        })?;
+        law.law.check().map_err(|e| e.below(&key))?;
         let constants = Constants::of(body, &key, &key, law.law.constants())?;
         let needs_shear_rate = law.law.needs_shear_rate();
         let largest = (0..body.materials.len()).map(|material| {

@@ -157,15 +157,7 @@ macro_rules! register_flow {
     ($name:literal, $law:ty, $rule:ty) => {
         $crate::perimelt_core::inventory::submit! {
             $crate::mechanical::plasticity::FlowRegistration(
-                $crate::perimelt_core::law::LawRegistration {
-                    name: $name,
-                    schema: |generator| generator.subschema_for::<$law>(),
-                    from_keys: |keys| {
-                        let law: $law = $crate::perimelt_core::erased_serde::deserialize(keys)?;
-                        Ok(Box::new(<$rule>::from(law)))
-                    },
-                    facts: <$rule>::FACTS,
-                },
+                $crate::perimelt_core::law_registration!($name, $law, <$rule>::from, <$rule>::FACTS),
             )
         }
     };

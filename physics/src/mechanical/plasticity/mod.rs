@@ -88,10 +88,7 @@ impl Plasticity {
             key,
             annealing,
         } = chosen;
-        law.law.prepare().map_err(|error| SetupError {
-            key: format!("{key}.{}", error.key),
-            ..error
-        })?;
+        law.law.prepare().map_err(|e| e.below(&key))?;
         let name = format!("flow.{}", law.name);
         let constants = law.law.constants();
         let points = body.points.len();

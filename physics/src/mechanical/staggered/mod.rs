@@ -358,12 +358,17 @@ impl<const D: usize> Staggered<D> {
     }
 
     fn evaluate_force(&mut self, out: &mut [f64]) {
+        self.load_force_states();
+        self.follow_modes();
+        self.gather(-1.0, true, out);
+    }
+
+    /// Loads the states of cells under the displacement, with the flow that follows from it.
+    fn load_force_states(&mut self) {
         if let Some(plasticity) = &mut self.base.plasticity {
             plasticity.try_strains(self.base.elastic.strained(&self.gradient));
         }
         self.load_states(StrainKind::Elastic);
-        self.follow_modes();
-        self.gather(-1.0, true, out);
     }
 
     fn evaluate_stress(&mut self) {

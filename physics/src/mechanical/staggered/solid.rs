@@ -185,8 +185,8 @@ impl<const D: usize> Solid for Staggered<D> {
 
     /// The force of the cells above the plane of corners that is nearest, on the corners in it.
     fn force_across(&mut self, plane: AxisPlane, receive: &mut dyn FnMut(usize, [f64; 3])) {
-        let mut unused = vec![0.0; 3 * self.displacement.len()];
-        self.evaluate(Wanted::force(&mut unused));
+        self.load_gradient();
+        self.load_force_states();
         let AxisPlane { axis, at } = plane;
         let is_in_plane = |corner: &usize| {
             let distance = at - self.corners.position[*corner][axis];

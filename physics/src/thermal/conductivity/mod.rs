@@ -33,10 +33,7 @@ pub(super) fn conductivities(
     };
     let Law { name, law } = law.unwrap_or_else(isotropic);
     let key = format!("conductivity.{name}");
-    law.check().map_err(|e| SetupError {
-        key: format!("{key}.{}", e.key),
-        ..e
-    })?;
+    law.check().map_err(|e| e.below(&key))?;
     let constants = Constants::of(body, &key, &key, law.constants())?;
     let materials = 0..body.materials.len();
     Ok(materials
