@@ -17,6 +17,7 @@ use serde_json::json;
 use crate::body::Body;
 use crate::error::{Problem, SetupError};
 use crate::material::{Material, Property};
+use crate::plugin::Named;
 use crate::solver::reduce::max_abs;
 
 /// A property of the material that a law needs.
@@ -121,6 +122,12 @@ pub struct LawRegistration<P: ?Sized + 'static> {
     pub facts: LawFacts,
 }
 
+impl<P: ?Sized> Named for LawRegistration<P> {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+}
+
 /// The [`LawRegistration`] of a struct of keys: its name, its type, what makes the object of the kind of it, and its facts.
 #[macro_export]
 macro_rules! law_registration {
@@ -142,15 +149,8 @@ pub trait LawKind: 'static {
     /// The key of the plugin that takes a law of this kind.
     const KEY: &'static str;
 
-    /// All laws of this kind.
-    fn registrations() -> Box<dyn Iterator<Item = &'static LawRegistration<Self>>>;
-
-    /// All laws of this kind, by name.
-    fn registered() -> Vec<&'static LawRegistration<Self>> {
-        let mut all: Vec<_> = Self::registrations().collect();
-        all.sort_by_key(|law| law.name);
-        all
-    }
+    /// All laws of this kind, by name ([`by_name`](crate::plugin::by_name)).
+    fn registered() -> Vec<&'static LawRegistration<Self>>;
 }
 
 /// A law of the kind `P` in a case file: `name = { keys }`.

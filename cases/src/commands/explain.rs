@@ -3,7 +3,7 @@
 use std::io::Write;
 
 use perimelt_core::error::nearest;
-use perimelt_core::material::{MaterialSection, ValueRange, known_properties};
+use perimelt_core::material::{MaterialSection, ValueRange, find_property, known_properties};
 use perimelt_core::plugin::{Registration, registered};
 use perimelt_core::{Coupler, Physics, field};
 use schemars::schema_for;
@@ -64,10 +64,11 @@ pub fn run(args: &ExplainArgs) -> Done {
         .or(of_plugin("couplers."))
         .unwrap_or(name);
     let first = name.split('.').next().unwrap_or(name);
-    if let Some((first, header, schema)) = known.iter().find(|(known, ..)| known == first) {
+    if let Some(found) = known.iter().find(|known| known.name == first) {
+        let schema = &found.schema;
         let path: Vec<String> = name.split('.').skip(1).map(String::from).collect();
         if path.is_empty() {
-            table(out, first, header, &KeyList::new(schema, args.all))?;
+            table(out, found, args.all)?;
             // a kind of law and a property of materials may have one name
             return match of_world(name) {
                 Some(text) => Ok(writeln!(out, "\n{text}")?),
@@ -86,10 +87,10 @@ pub fn run(args: &ExplainArgs) -> Done {
         return Ok(writeln!(out, "{text}")?);
     }
     let mut places = Vec::new();
-    for (first, _, schema) in &known {
-        schema::visit(schema, first, &mut |path, key| {
+    for known in &known {
+        schema::visit(&known.schema, &known.name, &mut |path, key| {
             if path.rsplit('.').next() == Some(name) {
-                places.push((path.to_string(), schema, key));
+                places.push((path.to_string(), &known.schema, key));
             }
         });
     }
@@ -99,9 +100,9 @@ pub fn run(args: &ExplainArgs) -> Done {
         if let Some(names) = synonyms::of(name) {
             return meant(out, name, names, &known);
         }
-        let plugins = known.iter().map(|(name, ..)| name.clone());
+        let plugins = known.iter().map(|known| known.name.clone());
         let fields = field::keys::ALL.iter().map(|(name, ..)| (*name).into());
-        let properties = known_properties().map(|p| p.name.into());
+        let properties = known_properties().into_iter().map(|p| p.name.into());
         let materials = library::names().map(String::from);
         let others = ["physics", "couplers", "type"].map(String::from);
         let names: Vec<String> = plugins
@@ -153,7 +154,7 @@ fn unknown(name: &str, close: Option<&str>, mentions: Vec<String>) -> Box<dyn st
 }
 
 /// Fields, properties, plugins and sections, then keys, in whose name or description all words of a text stand.
-fn mentioning(text: &str, known: &[(String, String, Value)]) -> Vec<String> {
+fn mentioning(text: &str, known: &[Known]) -> Vec<String> {
     const MOST: usize = 8;
     let plain = |text: &str| text.to_lowercase().replace('_', " ");
     let text = plain(text);
@@ -176,10 +177,10 @@ fn mentioning(text: &str, known: &[(String, String, Value)]) -> Vec<String> {
     for property in known_properties() {
         look(property.name, property.meaning);
     }
-    for (name, _, schema) in known {
+    for Known { name, schema, .. } in known {
         look(name, &schema::one_line(schema, schema));
     }
-    for (name, _, schema) in known {
+    for Known { name, schema, .. } in known {
         schema::visit(schema, name, &mut |path, key| {
             look(path, &schema::one_line(schema, key));
         });
@@ -189,12 +190,7 @@ fn mentioning(text: &str, known: &[(String, String, Value)]) -> Vec<String> {
 }
 
 /// Keys for a word of the trade.
-fn meant(
-    out: &mut impl Write,
-    word: &str,
-    names: &[&str],
-    known: &[(String, String, Value)],
-) -> Done {
+fn meant(out: &mut impl Write, word: &str, names: &[&str], known: &[Known]) -> Done {
     writeln!(
         out,
         "`{word}` is not a name of a case file; it belongs to\n"
@@ -213,7 +209,7 @@ fn meant(
 }
 
 /// One line on a field, a property, a plugin, a section or a key.
-fn meaning(name: &str, known: &[(String, String, Value)]) -> Option<String> {
+fn meaning(name: &str, known: &[Known]) -> Option<String> {
     let (first, rest) = name.split_once('.').unwrap_or((name, ""));
     let path: Vec<String> = rest
         .split('.')
@@ -222,10 +218,10 @@ fn meaning(name: &str, known: &[(String, String, Value)]) -> Option<String> {
         .collect();
     let of_schema = known
         .iter()
-        .find(|(known, ..)| known == first)
-        .and_then(|(_, _, schema)| {
-            let key = schema::at(schema, &path)?;
-            Some(schema::one_line(schema, key))
+        .find(|known| known.name == first)
+        .and_then(|known| {
+            let key = schema::at(&known.schema, &path)?;
+            Some(schema::one_line(&known.schema, key))
         });
     let of_field = || {
         field::keys::ALL
@@ -233,24 +229,24 @@ fn meaning(name: &str, known: &[(String, String, Value)]) -> Option<String> {
             .find(|(known, ..)| *known == name)
             .map(|(.., meaning)| meaning.to_string())
     };
-    let of_property = || {
-        known_properties()
-            .find(|p| p.name == name)
-            .map(|p| p.meaning.to_string())
-    };
+    let of_property = || find_property(name).map(|p| p.meaning.to_string());
     of_schema.or_else(of_field).or_else(of_property)
 }
 
 /// A plugin or a section with its keys.
-fn table(out: &mut impl Write, name: &str, header: &str, listed: &KeyList<'_>) -> Done {
-    let schema = listed.root;
+fn table(out: &mut impl Write, known: &Known, all: bool) -> Done {
+    let Known {
+        name,
+        header,
+        schema,
+    } = known;
     let description = schema["description"].as_str().unwrap_or("");
     writeln!(out, "{header}\n{description}\n")?;
     if header.starts_with("[[physics") || header.starts_with("[[couplers") {
         writeln!(out, "  type = \"{name}\"")?;
         writeln!(out, "  name = <text> (optional)\n      {PLUGIN_NAME}")?;
     }
-    listed.write(out, schema, name, "")
+    KeyList::new(schema, all).write(out, schema, name, "")
 }
 
 /// One key, and the keys of its value.
@@ -294,7 +290,7 @@ fn law_facts<'a>(root: &'a Value, path: &str, key: &Value) -> Vec<&'a str> {
 fn of_world(name: &str) -> Option<String> {
     let field = field::keys::ALL.iter().find(|(known, ..)| *known == name);
     let field = field.map(|(_, unit, meaning)| format!("field `{name}` [{unit}]\n{meaning}"));
-    let property = known_properties().find(|p| p.name == name).map(|p| {
+    let property = find_property(name).map(|p| {
         let range = match p.range {
             ValueRange::Any => "any number".into(),
             ValueRange::Positive => "above zero".into(),
@@ -311,12 +307,22 @@ fn of_world(name: &str) -> Option<String> {
     (!found.is_empty()).then(|| found.join("\n\n"))
 }
 
-/// Everything that can be explained: name, header, schema.
-fn known() -> Vec<(String, String, Value)> {
-    let section = |name: &str, header: &str, schema: schemars::Schema| {
-        (name.into(), header.into(), schema.to_value())
+/// A section or a plugin of a case file.
+struct Known {
+    name: String,
+    /// How it stands in the case file.
+    header: String,
+    schema: Value,
+}
+
+/// All sections and plugins.
+fn known() -> Vec<Known> {
+    let section = |name: &str, header: &str, schema: schemars::Schema| Known {
+        name: name.into(),
+        header: header.into(),
+        schema: schema.to_value(),
     };
-    let mut all: Vec<(String, String, Value)> = Vec::new();
+    let mut all = Vec::new();
     all.extend(
         registered::<dyn Physics>()
             .iter()
@@ -445,7 +451,7 @@ mod tests {
                 assert!(meaning.is_some_and(|m| !m.is_empty()), "{word}: {name}");
             }
             // a word that has become a name is explained as such
-            assert!(!known.iter().any(|(name, ..)| name == word), "{word}");
+            assert!(!known.iter().any(|known| known.name == *word), "{word}");
         }
         assert_eq!(
             synonyms::of("Heat-affected zone"),
@@ -455,9 +461,9 @@ mod tests {
     }
 
     fn explained(name: &str, all: bool) -> String {
-        let (_, _, schema) = known()
+        let Known { schema, .. } = known()
             .into_iter()
-            .find(|(known, ..)| known == name)
+            .find(|known| known.name == name)
             .expect(name);
         let mut out = Vec::new();
         KeyList::new(&schema, all)

@@ -25,9 +25,14 @@ pub struct ListArgs {
 
 pub fn run(args: &ListArgs) -> Done {
     let out = &mut crate::terminal::output();
-    if args.support {
-        return Ok(write!(out, "{}", support())?);
+    match args.support {
+        true => Ok(write!(out, "{}", support())?),
+        false => names(out),
     }
+}
+
+/// All names, in sections whose headings are not indented; sorted in each.
+fn names(out: &mut impl Write) -> Done {
     writeln!(
         out,
         "Physics ([[physics]], type = ...; more by `perimelt explain <type>`)"
@@ -47,7 +52,9 @@ pub fn run(args: &ListArgs) -> Done {
         }
     }
     writeln!(out, "\nFields (the common ones; plugins may add their own)")?;
-    for (name, unit, meaning) in keys::ALL {
+    let mut fields = keys::ALL.to_vec();
+    fields.sort_by_key(|(name, ..)| *name);
+    for (name, unit, meaning) in fields {
         row(out, name, &format!("[{unit}] {meaning}"))?;
     }
     writeln!(out, "\nMaterial properties ([materials.<name>])")?;
@@ -158,6 +165,20 @@ fn row(out: &mut impl Write, name: &str, text: &str) -> Done {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_are_sorted_in_every_section() {
+        let mut text = Vec::new();
+        names(&mut text).expect("written");
+        let text = String::from_utf8(text).expect("text");
+        let sections: Vec<&str> = text.split("\n\n").collect();
+        assert!(sections.len() > LAWS.len() + 4, "{text}");
+        for section in sections {
+            let rows = section.lines().filter_map(|row| row.strip_prefix("  "));
+            let names: Vec<_> = rows.map(|row| row.split_whitespace().next()).collect();
+            assert!(!names.is_empty() && names.is_sorted(), "{section}");
+        }
+    }
 
     #[test]
     fn the_guide_has_the_table_of_support() {

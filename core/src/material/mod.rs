@@ -30,7 +30,7 @@ pub use potential::HeatPotential;
 pub use property::Property;
 pub use section::MaterialSection;
 pub use table::{Table, TableError};
-pub use vocabulary::{COMMON_PROPERTIES, PropertyKey, ValueRange, find_property, known_properties};
+pub use vocabulary::{PropertyKey, ValueRange, find_property, known_properties};
 
 use crate::explanation::Explanation;
 use std::collections::BTreeMap;
@@ -127,7 +127,7 @@ impl MaterialError {
                 explanation
             }
             MaterialError::UnknownProperty { nearest: None, .. } => {
-                let names: Vec<_> = known_properties().map(|key| key.name).collect();
+                let names: Vec<_> = known_properties().iter().map(|key| key.name).collect();
                 explanation.help(format!("the known ones are {}", names.join(", ")))
             }
             _ => explanation,
@@ -285,6 +285,7 @@ pub(crate) fn known(property: &str) -> Result<&'static PropertyKey, MaterialErro
         nearest: vocabulary::nearest_name(
             property,
             known_properties()
+                .iter()
                 .map(|key| key.name)
                 .chain(section::OTHER_KEYS),
         ),

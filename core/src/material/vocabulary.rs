@@ -17,6 +17,9 @@
 
 use std::fmt;
 
+use crate::plugin::{Named, by_name};
+use crate::register_property;
+
 /// One property that a material may have.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PropertyKey {
@@ -31,6 +34,12 @@ pub struct PropertyKey {
 }
 
 inventory::collect!(PropertyKey);
+
+impl Named for PropertyKey {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+}
 
 /// Values that a property may take.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,167 +78,16 @@ impl fmt::Display for ValueRange {
     }
 }
 
-/// The common properties of materials.
-pub const COMMON_PROPERTIES: &[PropertyKey] = &[
-    key(
-        "density",
-        "kg/m³",
-        "mass per volume at the reference state (heat conduction conserves mass and uses it at all temperatures)",
-        ValueRange::Positive,
-    ),
-    key(
-        "specific_heat",
-        "J/(kg K)",
-        "heat capacity per mass at constant pressure, without latent heat",
-        ValueRange::Positive,
-    ),
-    key(
-        "conductivity",
-        "W/(m K)",
-        "thermal conductivity",
-        ValueRange::Positive,
-    ),
-    key(
-        "powder_conductivity",
-        "W/(m K)",
-        "effective thermal conductivity as powder",
-        ValueRange::Positive,
-    ),
-    key(
-        "solidus",
-        "K",
-        "temperature at which melting starts",
-        ValueRange::Positive,
-    ),
-    key(
-        "liquidus",
-        "K",
-        "temperature at which melting ends",
-        ValueRange::Positive,
-    ),
-    key(
-        "latent_heat",
-        "J/kg",
-        "heat of fusion per mass, from solidus to liquidus",
-        ValueRange::NotNegative,
-    ),
-    key(
-        "boiling_temperature",
-        "K",
-        "temperature of vaporisation at atmospheric pressure",
-        ValueRange::Positive,
-    ),
-    key(
-        "vaporisation_heat",
-        "J/kg",
-        "heat of vaporisation per mass",
-        ValueRange::Positive,
-    ),
-    key(
-        "youngs_modulus",
-        "Pa",
-        "Young's modulus",
-        ValueRange::Positive,
-    ),
-    key(
-        "poissons_ratio",
-        "1",
-        "Poisson's ratio",
-        ValueRange::Between(-1.0, 0.5),
-    ),
-    key(
-        "thermal_expansion",
-        "1/K",
-        "mean (secant) coefficient of linear thermal expansion from `expansion_reference`",
-        ValueRange::Any,
-    ),
-    key(
-        "expansion_reference",
-        "K",
-        "temperature from which the mean coefficients of `thermal_expansion` count; a constant coefficient needs none",
-        ValueRange::Positive,
-    ),
-    key(
-        "instantaneous_expansion",
-        "1/K",
-        "instantaneous (tangent) coefficient of linear thermal expansion, in place of `thermal_expansion`",
-        ValueRange::Any,
-    ),
-    key(
-        "thermal_elongation",
-        "1",
-        "table of the thermal elongation, relative to the length at any one temperature, in place of `thermal_expansion`",
-        ValueRange::Any,
-    ),
-    key("yield_stress", "Pa", "yield stress", ValueRange::Positive),
-    key(
-        "hardening_modulus",
-        "Pa",
-        "rise of the flow stress per equivalent plastic strain",
-        ValueRange::NotNegative,
-    ),
-    key(
-        "fracture_energy",
-        "J/m²",
-        "fracture energy per crack area (critical energy release rate)",
-        ValueRange::Positive,
-    ),
-    key(
-        "critical_stretch",
-        "1",
-        "critical stretch of bonds, instead of that from `fracture_energy`",
-        ValueRange::Positive,
-    ),
-    key(
-        "emissivity",
-        "1",
-        "total hemispherical emissivity of the surface",
-        ValueRange::Between(0.0, 1.0),
-    ),
-    key(
-        "absorptivity",
-        "1",
-        "absorbed fraction of a laser beam (wavelength near 1 µm)",
-        ValueRange::Between(0.0, 1.0),
-    ),
-    key(
-        "viscosity",
-        "Pa s",
-        "dynamic viscosity of the liquid",
-        ValueRange::Positive,
-    ),
-    key(
-        "surface_tension",
-        "N/m",
-        "surface tension of the liquid against its gas",
-        ValueRange::NotNegative,
-    ),
-];
-
-const fn key(
-    name: &'static str,
-    unit: &'static str,
-    meaning: &'static str,
-    range: ValueRange,
-) -> PropertyKey {
-    PropertyKey {
-        name,
-        unit,
-        meaning,
-        range,
-    }
-}
-
-/// All properties: the common ones, then those that plugins registered.
-pub fn known_properties() -> impl Iterator<Item = &'static PropertyKey> {
-    COMMON_PROPERTIES
-        .iter()
-        .chain(inventory::iter::<PropertyKey>)
+/// All properties, by name.
+pub fn known_properties() -> Vec<&'static PropertyKey> {
+    by_name(|key| key)
 }
 
 /// The property called `name`.
 pub fn find_property(name: &str) -> Option<&'static PropertyKey> {
-    known_properties().find(|key| key.name == name)
+    inventory::iter::<PropertyKey>
+        .into_iter()
+        .find(|key| key.name == name)
 }
 
 /// The candidate that is most similar to `name`, if one is similar.
@@ -251,6 +109,142 @@ pub(crate) fn nearest_name<'a>(
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, candidate)| candidate.to_owned())
 }
+
+// the properties that several plugins use
+
+register_property!(
+    "density",
+    "kg/m³",
+    "mass per volume at the reference state (heat conduction conserves mass and uses it at all temperatures)",
+    ValueRange::Positive
+);
+register_property!(
+    "specific_heat",
+    "J/(kg K)",
+    "heat capacity per mass at constant pressure, without latent heat",
+    ValueRange::Positive
+);
+register_property!(
+    "conductivity",
+    "W/(m K)",
+    "thermal conductivity",
+    ValueRange::Positive
+);
+register_property!(
+    "powder_conductivity",
+    "W/(m K)",
+    "effective thermal conductivity as powder",
+    ValueRange::Positive
+);
+register_property!(
+    "solidus",
+    "K",
+    "temperature at which melting starts",
+    ValueRange::Positive
+);
+register_property!(
+    "liquidus",
+    "K",
+    "temperature at which melting ends",
+    ValueRange::Positive
+);
+register_property!(
+    "latent_heat",
+    "J/kg",
+    "heat of fusion per mass, from solidus to liquidus",
+    ValueRange::NotNegative
+);
+register_property!(
+    "boiling_temperature",
+    "K",
+    "temperature of vaporisation at atmospheric pressure",
+    ValueRange::Positive
+);
+register_property!(
+    "vaporisation_heat",
+    "J/kg",
+    "heat of vaporisation per mass",
+    ValueRange::Positive
+);
+register_property!(
+    "youngs_modulus",
+    "Pa",
+    "Young's modulus",
+    ValueRange::Positive
+);
+register_property!(
+    "poissons_ratio",
+    "1",
+    "Poisson's ratio",
+    ValueRange::Between(-1.0, 0.5)
+);
+register_property!(
+    "thermal_expansion",
+    "1/K",
+    "mean (secant) coefficient of linear thermal expansion from `expansion_reference`",
+    ValueRange::Any
+);
+register_property!(
+    "expansion_reference",
+    "K",
+    "temperature from which the mean coefficients of `thermal_expansion` count; a constant coefficient needs none",
+    ValueRange::Positive
+);
+register_property!(
+    "instantaneous_expansion",
+    "1/K",
+    "instantaneous (tangent) coefficient of linear thermal expansion, in place of `thermal_expansion`",
+    ValueRange::Any
+);
+register_property!(
+    "thermal_elongation",
+    "1",
+    "table of the thermal elongation, relative to the length at any one temperature, in place of `thermal_expansion`",
+    ValueRange::Any
+);
+register_property!("yield_stress", "Pa", "yield stress", ValueRange::Positive);
+register_property!(
+    "hardening_modulus",
+    "Pa",
+    "rise of the flow stress per equivalent plastic strain",
+    ValueRange::NotNegative
+);
+register_property!(
+    "fracture_energy",
+    "J/m²",
+    "fracture energy per crack area (critical energy release rate)",
+    ValueRange::Positive
+);
+register_property!(
+    "critical_stretch",
+    "1",
+    "critical stretch of bonds, instead of that from `fracture_energy`",
+    ValueRange::Positive
+);
+register_property!(
+    "emissivity",
+    "1",
+    "total hemispherical emissivity of the surface",
+    ValueRange::Between(0.0, 1.0)
+);
+register_property!(
+    "absorptivity",
+    "1",
+    "absorbed fraction of a laser beam (wavelength near 1 µm)",
+    ValueRange::Between(0.0, 1.0)
+);
+register_property!(
+    "viscosity",
+    "Pa s",
+    "dynamic viscosity of the liquid",
+    ValueRange::Positive
+);
+register_property!(
+    "surface_tension",
+    "N/m",
+    "surface tension of the liquid against its gas",
+    ValueRange::NotNegative
+);
 
 #[cfg(test)]
 mod tests {
@@ -275,13 +269,15 @@ mod tests {
 
     #[test]
     fn names_are_unique() {
-        let names: BTreeSet<_> = known_properties().map(|key| key.name).collect();
-        assert_eq!(names.len(), known_properties().count());
+        let known = known_properties();
+        let names: BTreeSet<_> = known.iter().map(|key| key.name).collect();
+        assert_eq!(names.len(), known.len());
     }
 
     #[test]
     fn nearest_name_finds_slips_and_stays_silent_on_nonsense() {
-        let nearest = |name| nearest_name(name, known_properties().map(|key| key.name));
+        let known = known_properties();
+        let nearest = |name| nearest_name(name, known.iter().map(|key| key.name));
         assert_eq!(nearest("conductivty").as_deref(), Some("conductivity"));
         assert_eq!(nearest("Youngs_Modulus").as_deref(), Some("youngs_modulus"));
         assert_eq!(nearest("qqq"), None);

@@ -14,7 +14,7 @@ mod registry;
 
 pub use balance::{Balance, PhysicsReport, Report};
 pub(crate) use registry::supported;
-pub use registry::{FromToml, Registration, registered};
+pub use registry::{FromToml, Named, Registration, by_name, registered};
 
 use crate::error::{RunError, SetupError};
 use crate::setup::Setup;

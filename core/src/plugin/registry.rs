@@ -23,14 +23,33 @@ pub struct Registration<P: ?Sized + 'static> {
 inventory::collect!(Registration<dyn Physics>);
 inventory::collect!(Registration<dyn Coupler>);
 
+impl<P: ?Sized> Named for Registration<P> {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+}
+
+/// What is registered under a name.
+pub trait Named {
+    /// The name in case files.
+    fn name(&self) -> &'static str;
+}
+
+/// A part of all registrations of the type `R`, sorted by its name: the linker orders them differently in each build.
+pub fn by_name<R: inventory::Collect, T: Named>(
+    part: fn(&'static R) -> &'static T,
+) -> Vec<&'static T> {
+    let mut all: Vec<_> = inventory::iter::<R>.into_iter().map(part).collect();
+    all.sort_by_key(|registration| registration.name());
+    all
+}
+
 /// All registered plugins of one kind (`dyn Physics` or `dyn Coupler`), by name.
 pub fn registered<P: ?Sized + 'static>() -> Vec<&'static Registration<P>>
 where
     Registration<P>: inventory::Collect,
 {
-    let mut all: Vec<_> = inventory::iter::<Registration<P>>.into_iter().collect();
-    all.sort_by_key(|r| r.name);
-    all
+    by_name(|registration| registration)
 }
 
 /// What a plugin of this type supports; everything where the type is not registered, so that no case file can name it.
@@ -38,9 +57,9 @@ pub(crate) fn supported<P: ?Sized + 'static>(name: &str) -> Changes
 where
     Registration<P>: inventory::Collect,
 {
-    let mut all = inventory::iter::<Registration<P>>.into_iter();
-    all.find(|r| r.name == name)
-        .map_or(Changes::ALL, |r| r.supports)
+    let all = registered::<P>();
+    let plugin = all.iter().find(|r| r.name == name);
+    plugin.map_or(Changes::ALL, |r| r.supports)
 }
 
 /// Makes a physics known under the name of its `typetag` attribute, with what may happen to the points of the bodies on

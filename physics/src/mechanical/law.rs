@@ -11,6 +11,7 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::law::{
     Constant, Constants, Law, LawFacts, LawKind, LawRegistration, StateVariable,
 };
+use perimelt_core::plugin::{Named, by_name};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Access, Body, Family, Setup, SetupError, keys};
 
@@ -253,12 +254,17 @@ pub struct ElasticRegistration {
 
 perimelt_core::inventory::collect!(ElasticRegistration);
 
+impl Named for ElasticRegistration {
+    fn name(&self) -> &'static str {
+        self.law.name
+    }
+}
+
 impl LawKind for dyn ElasticLaw {
     const KEY: &'static str = "law";
 
-    fn registrations() -> Box<dyn Iterator<Item = &'static LawRegistration<Self>>> {
-        let all = perimelt_core::inventory::iter::<ElasticRegistration>;
-        Box::new(all.into_iter().map(|registration| &registration.law))
+    fn registered() -> Vec<&'static LawRegistration<Self>> {
+        by_name(|registration: &'static ElasticRegistration| &registration.law)
     }
 }
 
@@ -323,16 +329,13 @@ impl ChosenLaw {
                 law: Box::new(LinearSolids::from(Linear {})),
             });
         };
-        let all = || perimelt_core::inventory::iter::<ElasticRegistration>.into_iter();
-        let serves = |r: &&ElasticRegistration| r.formulations.contains(&formulation);
-        if !all().filter(serves).any(|r| r.law.name == name) {
-            let own = all().filter(|r| r.law.name == name);
-            let fitting: Vec<_> = own
-                .flat_map(|r| r.formulations)
-                .map(|f| quoted(*f))
-                .collect();
-            let mut others: Vec<_> = all().filter(serves).map(|r| key_of(r.law.name)).collect();
-            others.sort_unstable();
+        let all = by_name(|registration: &'static ElasticRegistration| registration);
+        let own = all.iter().filter(|r| r.law.name == name);
+        let own: Vec<Formulation> = own.flat_map(|r| r.formulations).copied().collect();
+        if !own.contains(&formulation) {
+            let fitting: Vec<_> = own.into_iter().map(quoted).collect();
+            let serving = all.iter().filter(|r| r.formulations.contains(&formulation));
+            let others: Vec<_> = serving.map(|r| key_of(r.law.name)).collect();
             let message = format!(
                 "the law `{name}` does not fit `formulation` {}",
                 quoted(formulation)

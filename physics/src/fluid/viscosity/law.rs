@@ -9,6 +9,7 @@ use std::fmt::Debug;
 use perimelt_core::SetupError;
 use perimelt_core::law::{Constant, Constants, LawFacts, LawKind, LawRegistration};
 use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::plugin::by_name;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -136,9 +137,8 @@ perimelt_core::inventory::collect!(ViscosityRegistration);
 impl LawKind for dyn ViscositySweep {
     const KEY: &'static str = "viscosity";
 
-    fn registrations() -> Box<dyn Iterator<Item = &'static LawRegistration<Self>>> {
-        let all = perimelt_core::inventory::iter::<ViscosityRegistration>;
-        Box::new(all.into_iter().map(|registration| &registration.0))
+    fn registered() -> Vec<&'static LawRegistration<Self>> {
+        by_name(|registration: &'static ViscosityRegistration| &registration.0)
     }
 }
 

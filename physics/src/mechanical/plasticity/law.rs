@@ -10,6 +10,7 @@ use std::fmt::Debug;
 use nalgebra::Matrix6;
 use perimelt_core::SetupError;
 use perimelt_core::law::{Constant, LawKind, LawRegistration, StateVariable};
+use perimelt_core::plugin::by_name;
 
 use super::sweep::FlowSweep;
 
@@ -127,9 +128,8 @@ perimelt_core::inventory::collect!(FlowRegistration);
 impl LawKind for dyn FlowSweep {
     const KEY: &'static str = "flow";
 
-    fn registrations() -> Box<dyn Iterator<Item = &'static LawRegistration<Self>>> {
-        let all = perimelt_core::inventory::iter::<FlowRegistration>;
-        Box::new(all.into_iter().map(|registration| &registration.0))
+    fn registered() -> Vec<&'static LawRegistration<Self>> {
+        by_name(|registration: &'static FlowRegistration| &registration.0)
     }
 }
 

@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 use perimelt_core::SetupError;
 use perimelt_core::law::{Constant, LawFacts, LawKind, LawRegistration};
 use perimelt_core::material::Property;
+use perimelt_core::plugin::by_name;
 use serde::Serialize;
 
 /// Conductivity of a material, W/(m K).
@@ -111,9 +112,8 @@ perimelt_core::inventory::collect!(ConductivityRegistration);
 impl LawKind for dyn AnyConductivity {
     const KEY: &'static str = "conductivity";
 
-    fn registrations() -> Box<dyn Iterator<Item = &'static LawRegistration<Self>>> {
-        let all = perimelt_core::inventory::iter::<ConductivityRegistration>;
-        Box::new(all.into_iter().map(|registration| &registration.0))
+    fn registered() -> Vec<&'static LawRegistration<Self>> {
+        by_name(|registration: &'static ConductivityRegistration| &registration.0)
     }
 }
 
