@@ -165,19 +165,13 @@ impl Problem {
                 material,
                 body,
                 property,
-            } => Explanation::new(format!(
-                "material `{material}` of body `{body}` has no `{property}`"
-            ))
-            .help(format!("give it under `[materials.{material}]`")),
+            } => missing(material, body, property, ""),
             Problem::MissingConstant {
                 law,
                 material,
                 body,
                 property,
-            } => Explanation::new(format!(
-                "material `{material}` of body `{body}` has no `{property}`, which `{law}` needs"
-            ))
-            .help(format!("give it under `[materials.{material}]`")),
+            } => missing(material, body, property, &format!(", which `{law}` needs")),
             Problem::NobodyProvides {
                 field,
                 body,
@@ -209,23 +203,13 @@ impl Problem {
                 physics,
                 fixed,
                 stable,
-            } => unstable(
-                physics,
-                *fixed,
-                &format!("its largest stable step {} s", number(*stable, 5)),
-            ),
+            } => unstable(physics, *fixed, *stable, None),
             Problem::UnstableExchange {
                 physics,
                 fixed,
                 coupler,
                 stable,
-            } => {
-                let limit = format!(
-                    "the largest stable step {} s of `{coupler}`",
-                    number(*stable, 5)
-                );
-                unstable(physics, *fixed, &limit)
-            }
+            } => unstable(physics, *fixed, *stable, Some(coupler)),
             Problem::Value { message, expected } => {
                 Explanation::new(message.as_str()).expected(expected)
             }
@@ -246,9 +230,21 @@ fn empty_region(region: &str, body: &str, [from, to]: [[f64; 3]; 2], spacing: f6
     ))
 }
 
-/// A fixed step (s) of a physics that is above a limit.
-fn unstable(physics: &str, fixed: f64, limit: &str) -> Explanation {
-    let fixed = number(fixed, 5);
+/// A property that a material does not have, and what it is for.
+fn missing(material: &str, body: &str, property: &str, purpose: &str) -> Explanation {
+    Explanation::new(format!(
+        "material `{material}` of body `{body}` has no `{property}`{purpose}"
+    ))
+    .help(format!("give it under `[materials.{material}]`"))
+}
+
+/// A fixed step (s) of a physics that is above its own stable step (s) or that of a coupler.
+fn unstable(physics: &str, fixed: f64, stable: f64, coupler: Option<&str>) -> Explanation {
+    let [fixed, stable] = [fixed, stable].map(|step| number(step, 5));
+    let limit = match coupler {
+        None => format!("its largest stable step {stable} s"),
+        Some(coupler) => format!("the largest stable step {stable} s of `{coupler}`"),
+    };
     Explanation::new(format!(
         "the step {fixed} s of `{physics}` is above {limit}"
     ))

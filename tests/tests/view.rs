@@ -101,6 +101,16 @@ fn the_server_answers_with_the_numbers_of_the_log() {
     let peak = whole["peak"].as_u64().expect("a number") as usize;
     assert_eq!(numbers(&whole["range"])[1], peaks[peak]);
     assert!(peaks.iter().all(|x| *x <= peaks[peak]));
+}
+
+#[test]
+fn the_server_answers_with_the_histories_of_the_log() {
+    let folder = logged();
+    let log = Log::open(folder.path().join("weld.mcap")).expect("a log");
+    let view = View::of(folder.path());
+    let (state, cloud) = (3, log.cloud("plate", 3).expect("a state"));
+    let temperature = &cloud.fields.iter().find(|f| f.name == "temperature");
+    let temperature = &temperature.expect("logged").values;
 
     let point = view.get(&format!("/point/plate/7/{state}")).json();
     assert_eq!(numbers(&point["position"]), cloud.positions[7]);

@@ -98,6 +98,70 @@ impl Statics {
         };
         Ok(())
     }
+
+    /// Whether nothing resists some rigid motion.
+    fn has_free_modes(&self) -> bool {
+        let rigid = self.rigid.as_ref();
+        rigid.is_some_and(|rigid| rigid.space.dimension().is_some())
+    }
+
+    /// Finds the displacement at which `residual` vanishes. The tolerance is relative to the loads, so that a good initial
+    /// guess does not tighten it. Without a guess, the initial unbalanced force is that of the loads.
+    fn solve(
+        &mut self,
+        residual: &mut Residual<'_>,
+        displacement: &mut [f64],
+        search: &Search<'_>,
+    ) -> Result<NewtonReport, SolverError> {
+        let rigid = self.rigid.as_ref().map(|rigid| &rigid.space);
+        let hints = Hints {
+            null_space: rigid,
+            coarse: self.coarse.space.as_ref(),
+            ..Hints::default()
+        };
+        let by_loads = |residual: &mut Residual<'_>, options: NewtonOptions| {
+            let loads = size_of_loads(residual, search.held, search.time, rigid)?;
+            Ok(NewtonOptions {
+                relative_tolerance: 0.0,
+                absolute_tolerance: (self.tolerance * loads).max(search.rounding),
+                ..options
+            })
+        };
+        let newton = &mut self.newton;
+        newton.options = match search.is_guessed {
+            true => by_loads(residual, newton.options)?,
+            false => NewtonOptions {
+                relative_tolerance: self.tolerance,
+                absolute_tolerance: search.rounding,
+                ..newton.options
+            },
+        };
+        match newton.solve(residual, search.time, displacement, hints) {
+            Err(error) if search.is_plastic => Err(about_flow(error)),
+            Err(error) if residual.tangent != Tangent::Stiffness => {
+                if !search.is_guessed {
+                    newton.options = by_loads(residual, newton.options)?;
+                }
+                displacement.copy_from_slice(search.held);
+                newton_from_linear(newton, residual, search.time, displacement, hints)
+                    .or(Err(error))
+            }
+            report => report,
+        }
+    }
+}
+
+/// Where Newton's method starts, and what it is to reach.
+struct Search<'a> {
+    /// Displacement of the held components, zero elsewhere.
+    held: &'a [f64],
+    /// s.
+    time: f64,
+    /// Unbalanced force of rounding, N/m³ in the norm over all points.
+    rounding: f64,
+    /// Whether the initial displacement is more than that of held components.
+    is_guessed: bool,
+    is_plastic: bool,
 }
 
 /// Finds equilibrium by `balance`, breaks the bonds that exceed their limit most, and repeats until none exceeds
@@ -172,50 +236,23 @@ pub(super) fn newton(
         dimension: body.dimension,
     };
     statics.update(&mut residual, body, points)?;
-    let rigid = statics.rigid.as_ref().map(|rigid| &rigid.space);
 
     let held = work.iter_mut().zip(held_part(state, constraint));
     held.for_each(|(w, u)| *w = u);
-    let rounding = rounding(residual.solid, run.eigenstrain_size, state);
-    let is_free = rigid.is_some_and(|rigid| rigid.dimension().is_some());
-    // The tolerance is relative to the loads, so that a good initial guess does not tighten it. Without a guess,
-    // the initial unbalanced force is that of the loads.
-    let is_guessed = is_free || *state != work[..];
-    let relative = statics.tolerance;
-    let by_loads = |loads: f64| (0.0, (relative * loads).max(rounding));
-    let options = &mut statics.newton.options;
-    (options.relative_tolerance, options.absolute_tolerance) = match is_guessed {
-        false => (relative, rounding),
-        true => {
-            let loads = size_of_loads(&mut residual, work, step.end(), rigid)?;
-            by_loads(loads)
-        }
+    let search = Search {
+        held: work,
+        time: step.end(),
+        rounding: rounding(residual.solid, run.eigenstrain_size, state),
+        is_guessed: statics.has_free_modes() || *state != work[..],
+        is_plastic,
     };
-    let hints = Hints {
-        null_space: rigid,
-        coarse: statics.coarse.space.as_ref(),
-        ..Hints::default()
-    };
-    let newton = &mut statics.newton;
-    let report = match newton.solve(&mut residual, step.end(), state, hints) {
-        Err(error) if !(is_plastic || residual.tangent == Tangent::Stiffness) => {
-            if !is_guessed {
-                let loads = size_of_loads(&mut residual, work, step.end(), rigid)?;
-                let options = &mut newton.options;
-                (options.relative_tolerance, options.absolute_tolerance) = by_loads(loads);
-            }
-            state.copy_from_slice(work);
-            newton_from_linear(newton, &mut residual, step.end(), state, hints).or(Err(error))
-        }
-        Err(error) if is_plastic => Err(about_flow(error)),
-        report => report,
-    }?;
+    let report = statics.solve(&mut residual, state, &search)?;
     if let Some(corners) = nodes.corners() {
         corners.mean(&run.state.corners, &mut displacement);
     }
     Ok(Work {
         iterations: report.krylov_iterations,
-        evaluations: report.evaluations + usize::from(is_guessed),
+        evaluations: report.evaluations + usize::from(search.is_guessed),
     })
 }
 

@@ -149,6 +149,16 @@ pub(super) fn tolerance() -> f64 {
     1e-8
 }
 
+impl MechanicalSolver {
+    /// Damping rate of a body in motion, 1/s; none in equilibrium.
+    pub(super) fn damping(self) -> Option<f64> {
+        match self {
+            MechanicalSolver::Explicit { damping } => Some(damping),
+            MechanicalSolver::QuasiStatic { .. } | MechanicalSolver::Relaxation(_) => None,
+        }
+    }
+}
+
 impl Mechanical {
     /// The formulation: without the key, the one whose stress holds where metal flows if it does, else the fastest.
     pub(super) fn formulation(&self) -> Formulation {

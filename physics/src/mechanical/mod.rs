@@ -146,7 +146,7 @@ impl Mechanical {
     fn ready(mut self, setup: &mut Setup<'_>) -> Result<RunningMechanical, SetupError> {
         let run = prepare::run(&mut self, setup)?;
         Ok(RunningMechanical {
-            is_explicit: matches!(self.solver, MechanicalSolver::Explicit { .. }),
+            is_explicit: self.solver.damping().is_some(),
             breaks_once: self.fracture.as_ref().is_some_and(|f| f.once),
             solver: self.solver,
             sections: self.sections,

@@ -14,7 +14,7 @@ use super::equilibrium::Statics;
 use super::fields::{Features, Fields, LawState};
 use super::fracture::{Criterion, Fracture};
 use super::growth;
-use super::keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
+use super::keys::{Formulation, Kinematics, Mechanical};
 use super::law::{ChosenLaw, Parts};
 use super::moduli::Elasticity;
 use super::momentum::Balanced;
@@ -54,21 +54,14 @@ pub(super) fn run(
     }
     let extrapolation = extrapolation(keys, setup.body(body), &family)?;
     let constitution = constitution(keys, flow, setup, body, &family)?;
-    let damping = match keys.solver {
-        MechanicalSolver::Explicit { damping } => Some(damping),
-        _ => None,
-    };
+    let is_finite = constitution.finite;
+    let damping = keys.solver.damping();
     let mut features = Features {
         is_explicit: damping.is_some(),
         flow: constitution.plasticity.as_ref().map(LawState::of_flow),
         law: None,
         breaks: constitution.fracture.is_some(),
     };
-    let validity = Validity::new(
-        setup.body(body),
-        !constitution.finite,
-        features.flow.is_some(),
-    );
     let parts = Parts {
         body: setup.body(body),
         family,
@@ -87,7 +80,7 @@ pub(super) fn run(
     Ok(MechanicalRun {
         balanced: Balanced {
             dimension: setup.body(body).dimension,
-            angular: keys.kinematics == Kinematics::Finite,
+            angular: is_finite,
         },
         body,
         layers: layers.handle,
@@ -103,7 +96,7 @@ pub(super) fn run(
         section_forces: vec![[0.0; 3]; keys.sections.len()],
         logged_energy: features.is_explicit.then(Energy::default),
         extrapolation,
-        validity,
+        validity: Validity::new(setup.body(body), !is_finite, features.flow.is_some()),
         state: MechanicalState {
             verlet: Verlet::new(damping.unwrap_or(0.0)),
             ..MechanicalState::default()
@@ -117,7 +110,7 @@ fn traction_layer(
     rules: Vec<LayerRule>,
 ) -> Result<Option<LayerRule>, SetupError> {
     let bent = rules.into_iter().find(|rule| rule.traction.is_some());
-    if let (MechanicalSolver::Explicit { .. }, Some(rule)) = (&keys.solver, &bent) {
+    if let (Some(_), Some(rule)) = (keys.solver.damping(), &bent) {
         let message = format!(
             "the traction on face `{}` acts by a layer, whose forces have no energy: a body in motion would gain energy \
              without bound",
@@ -232,7 +225,7 @@ fn constitution(
         return Err(SetupError::value("fracture.criterion", message, expected));
     }
     let once = keys.fracture.as_ref().is_some_and(|section| section.once);
-    if once && matches!(keys.solver, MechanicalSolver::Explicit { .. }) {
+    if once && keys.solver.damping().is_some() {
         let message = "a solid in motion finds no equilibrium";
         let expected = "false, or `solver` \"quasi_static\" or \"relaxation\"";
         return Err(SetupError::value("fracture.once", message, expected));
@@ -240,7 +233,7 @@ fn constitution(
     Ok(Constitution {
         elasticity: Elasticity::of(setup, body, keys.plane, bond_based)?,
         finite: keys.kinematics == Kinematics::Finite,
-        in_motion: matches!(keys.solver, MechanicalSolver::Explicit { .. }),
+        in_motion: keys.solver.damping().is_some(),
         plasticity: match flow {
             Some(flow) => Some(Plasticity::of(flow, setup.body(body), keys.plane)?),
             None => None,

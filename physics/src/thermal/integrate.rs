@@ -234,7 +234,12 @@ impl RunningThermal {
         self.start_step(world);
         let work = self.take_step(world, step)?;
         if let Some(refined) = &self.refined {
-            refined.cover(world, self.temperature, self.enthalpy, &self.curves);
+            refined.cover(
+                world,
+                self.fields.temperature,
+                self.fields.enthalpy,
+                &self.curves,
+            );
         }
         Ok(work)
     }
@@ -265,11 +270,11 @@ impl RunningThermal {
     fn take_step(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         let rules = world.layer_rules(self.layers);
         let body = world.body(self.body);
-        let source = self.heat_source.map(|s| world.read(s));
+        let source = self.fields.source.map(|s| world.read(s));
         let is_steady = matches!(self.integrator.solver, Solver::Steady(..));
-        let conductance = self.heat_conductance.filter(|_| is_steady);
+        let conductance = self.fields.conductance.filter(|_| is_steady);
         let conductance = conductance.map(|c| world.read(c));
-        let constraint = self.constraint.map(|c| world.read(c));
+        let constraint = self.fields.constraint.map(|c| world.read(c));
         let growth = self.growth.as_ref();
         let source = masked(growth, source.as_deref());
         let constraint = masked(growth, constraint.as_deref());
@@ -310,7 +315,7 @@ impl RunningThermal {
             surface: self.surface.as_mut(),
             exchanged: conductance.as_deref().map(|conductance| BodyExchange {
                 conductance,
-                temperature: world.read::<f64>(self.temperature.into()).to_vec(),
+                temperature: world.read::<f64>(self.fields.temperature.into()).to_vec(),
             }),
             carried: self.carried.as_mut().map(|c| (c, step.size)),
             constraint: constraint.as_deref(),
@@ -318,8 +323,8 @@ impl RunningThermal {
             vectors,
         };
         let fields = Fields {
-            temperature: &mut world.write(self.temperature),
-            enthalpy: &mut world.write(self.enthalpy),
+            temperature: &mut world.write(self.fields.temperature),
+            enthalpy: &mut world.write(self.fields.enthalpy),
             account: &mut self.heat,
         };
         match solver {
@@ -344,12 +349,12 @@ impl RunningThermal {
 
     /// Sets the temperatures that boundaries prescribe.
     fn hold_temperatures(&mut self, world: &World) {
-        let (Some(constraint), Some(held)) = (self.constraint, self.held) else {
+        let (Some(constraint), Some(held)) = (self.fields.constraint, self.fields.held) else {
             return;
         };
         let (constraint, held) = (world.read(constraint), world.read(held));
-        let mut temperature = world.write(self.temperature);
-        let mut enthalpy = world.write(self.enthalpy);
+        let mut temperature = world.write(self.fields.temperature);
+        let mut enthalpy = world.write(self.fields.enthalpy);
         let volume = &world.body(self.body).points.volume;
         let material = &world.body(self.body).material_of_point;
         // covered points of a coarse body do not count; their heat belongs to the window

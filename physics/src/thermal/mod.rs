@@ -120,7 +120,7 @@ struct BelowZero {
 impl RunningThermal {
     /// Refuses temperatures below 0 K.
     fn check_absolute_zero(&self, world: &World, step: Step) -> Result<(), RunError> {
-        let temperature = world.read::<f64>(self.temperature.into());
+        let temperature = world.read::<f64>(self.fields.temperature.into());
         let least = temperature.iter().copied().fold(f64::INFINITY, f64::min);
         if !(least < 0.0) {
             return Ok(());
@@ -171,7 +171,7 @@ impl Physics for Thermal {
 impl RunningPhysics for RunningThermal {
     fn start(&mut self, world: &World) -> Result<(), RunError> {
         let body = world.body(self.body);
-        let temperature = world.read(self.temperature.into());
+        let temperature = world.read(self.fields.temperature.into());
         if temperature.iter().all(|t| *t == 0.0) {
             return Err(RunError::Plugin {
                 plugin: "thermal".into(),
@@ -179,7 +179,7 @@ impl RunningPhysics for RunningThermal {
                 cause: Box::new(NoTemperature(body.name.clone())),
             });
         }
-        let mut enthalpy = world.write(self.enthalpy);
+        let mut enthalpy = world.write(self.fields.enthalpy);
         for ((h, &t), &m) in enthalpy
             .iter_mut()
             .zip(&*temperature)
@@ -215,7 +215,7 @@ impl RunningPhysics for RunningThermal {
         /// K
         const IMPLAUSIBLE: f64 = 1e7;
         let is_beyond = field == core_keys::TEMPERATURE.name && largest > IMPLAUSIBLE;
-        let temperature = Read::from(self.temperature);
+        let temperature = Read::from(self.fields.temperature);
         is_beyond.then(|| world.first_beyond(temperature, IMPLAUSIBLE))?
     }
 
@@ -249,7 +249,7 @@ impl RunningPhysics for RunningThermal {
         if !self.conduction.is_conservative() || self.carried.is_some() {
             return Vec::new();
         }
-        let enthalpy = world.read::<f64>(self.enthalpy.into());
+        let enthalpy = world.read::<f64>(self.fields.enthalpy.into());
         let volume = &self.heated_volumes(world)[..];
         let stored = weighted_sum(&enthalpy, volume);
         // errors are relative to the content: the change of the heat may vanish

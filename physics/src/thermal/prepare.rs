@@ -8,7 +8,7 @@ use perimelt_core::world::exchange::Exchange;
 use perimelt_core::world::{BodyIndex, SurfaceDepths};
 use perimelt_core::{
     Access, Body, Correction, Description, Face, FamilyHandle, FamilySpec, Horizon, Influence,
-    Pddo, Read, ReadIfProvided, Setup, SetupError, StepSize, Wall, keys,
+    Pddo, Read, ReadIfProvided, Setup, SetupError, StepSize, Wall, Write, keys,
 };
 
 use crate::advection::{Convection, FlowFamily, usual_horizon};
@@ -26,6 +26,31 @@ use super::refined::Refined;
 use super::run::{Cracks, HeatAccount, RunningThermal};
 use super::surface::Surface;
 use super::surface_depth;
+
+/// The state of a heat physics, and the sinks that it consumes where a plugin adds into them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HeatFields {
+    pub(super) temperature: Write<f64>,
+    pub(super) enthalpy: Write<f64>,
+    pub(super) source: Option<Read<f64>>,
+    /// Conductance to other bodies, for steady states.
+    pub(super) conductance: Option<Read<f64>>,
+    pub(super) constraint: Option<Read<f64>>,
+    pub(super) held: Option<Read<f64>>,
+}
+
+impl HeatFields {
+    fn declare(setup: &mut Setup<'_>, body: BodyIndex) -> Result<Self, SetupError> {
+        Ok(HeatFields {
+            temperature: setup.own(body, &keys::TEMPERATURE)?,
+            enthalpy: setup.own(body, &keys::ENTHALPY)?,
+            source: setup.consume_if_added(body, &keys::HEAT_SOURCE)?,
+            conductance: setup.consume_if_added(body, &keys::HEAT_CONDUCTANCE)?,
+            constraint: setup.consume_if_added(body, &keys::TEMPERATURE_CONSTRAINT)?,
+            held: setup.consume_if_added(body, &keys::HELD_TEMPERATURE)?,
+        })
+    }
+}
 
 /// Conductivity of austenite by material, W/(m K), and its fraction.
 #[derive(Debug)]
@@ -54,12 +79,7 @@ impl RunningThermal {
         let description = setup.world().description(body);
         let horizon = thermal.horizon_of(setup.body(body), description);
         horizon.check(setup.body(body))?;
-        let temperature = setup.own(body, &keys::TEMPERATURE)?;
-        let enthalpy = setup.own(body, &keys::ENTHALPY)?;
-        let heat_source = setup.consume_if_added(body, &keys::HEAT_SOURCE)?;
-        let heat_conductance = setup.consume_if_added(body, &keys::HEAT_CONDUCTANCE)?;
-        let constraint = setup.consume_if_added(body, &keys::TEMPERATURE_CONSTRAINT)?;
-        let held = setup.consume_if_added(body, &keys::HELD_TEMPERATURE)?;
+        let fields = HeatFields::declare(setup, body)?;
         let curves = setup.world().enthalpy_curves(body)?;
         let keys = thermal.take_keys(setup.world(), body)?;
         let is_growing = setup.world().is_growing(body);
@@ -88,7 +108,7 @@ impl RunningThermal {
             Some(convection) => Some(thermal.carried(setup, &domain, convection)?),
             None => None,
         };
-        let has_conductance = heat_conductance.is_some();
+        let has_conductance = fields.conductance.is_some();
         let surface = prepare_surface(setup, body, family, &conduction, has_conductance)?;
         need(
             surface.is_none() || !conduction.has_directions(),
@@ -96,7 +116,8 @@ impl RunningThermal {
             "boundaries that exchange heat through the surface take the same conductivity in all directions",
             "`conductivity.isotropic`, or prescribed temperatures",
         )?;
-        let fixed = constraint.is_some() || surface.as_ref().is_some_and(Surface::has_conductance);
+        let fixed =
+            fields.constraint.is_some() || surface.as_ref().is_some_and(Surface::has_conductance);
         let moves = description == Description::UpdatedLagrangian;
         let is_measurable = !moves && !conduction.has_directions();
         let faces = domain.heated.iter().filter(|_| is_measurable);
@@ -108,13 +129,8 @@ impl RunningThermal {
             family,
             moves,
             layers: layers.handle,
-            temperature,
-            enthalpy,
-            heat_source,
-            heat_conductance,
+            fields,
             floating: domain.heated.is_empty() && !fixed && !has_conductance,
-            constraint,
-            held,
             curves,
             conduction,
             carried,

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::refinement::Level;
 use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
-use perimelt_core::{BrokenBonds, Family, FamilyHandle, Read, World, Write};
+use perimelt_core::{BrokenBonds, Family, FamilyHandle, Read, World};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +17,7 @@ use super::integrate::Integrator;
 use super::interfaces::MaterialPoints;
 use super::keys::ThermalSolver;
 use super::points::ConductingPoints;
-use super::prepare::Austenite;
+use super::prepare::{Austenite, HeatFields};
 use super::refined::Refined;
 use super::surface::Surface;
 
@@ -32,13 +32,7 @@ pub(super) struct RunningThermal {
     /// Whether a physics moves the points, so that neighbours change.
     pub(super) moves: bool,
     pub(super) layers: LayersHandle,
-    pub(super) temperature: Write<f64>,
-    pub(super) enthalpy: Write<f64>,
-    pub(super) heat_source: Option<Read<f64>>,
-    /// Conductance to other bodies, for steady states.
-    pub(super) heat_conductance: Option<Read<f64>>,
-    pub(super) constraint: Option<Read<f64>>,
-    pub(super) held: Option<Read<f64>>,
+    pub(super) fields: HeatFields,
     pub(super) curves: Vec<EnthalpyCurve>,
     pub(super) conduction: Conduction,
     /// Convection, in an Eulerian fluid.
@@ -153,8 +147,8 @@ impl RunningThermal {
 
     pub(super) fn heat_state(&self) -> HeatState {
         HeatState {
-            temperature: self.temperature,
-            enthalpy: self.enthalpy,
+            temperature: self.fields.temperature,
+            enthalpy: self.fields.enthalpy,
         }
     }
 
@@ -299,7 +293,7 @@ impl RunningThermal {
         let Some(surface) = &self.surface else {
             return f64::INFINITY;
         };
-        let hottest = surface.hottest(&world.read::<f64>(self.temperature.into()));
+        let hottest = surface.hottest(&world.read::<f64>(self.fields.temperature.into()));
         let sums_of = self.growth.as_ref().and_then(|growth| growth.row_sums_of);
         let found_for = (hottest, surface.changes(), sums_of);
         let moves = self.moves;
@@ -337,7 +331,7 @@ impl RunningThermal {
     /// Measures the heat that crosses faces.
     pub(super) fn measure_faces(&mut self, world: &World) {
         self.follow_surface(world);
-        let temperature = world.read::<f64>(self.temperature.into());
+        let temperature = world.read::<f64>(self.fields.temperature.into());
         if let Some(surface) = &self.surface {
             surface.report(&ConductingPoints {
                 conduction: &self.conduction,
