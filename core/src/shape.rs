@@ -86,33 +86,49 @@ pub struct EllipticalCylinder {
     pub other: f64,
 }
 
+/// Directions and lengths of an elliptical cylinder.
+struct EllipticalFrame {
+    /// Unit vector along the cylinder.
+    along: Vector3<f64>,
+    /// Unit vectors along the semi-axes.
+    across: [Vector3<f64>; 2],
+    /// Lengths of the semi-axes, m.
+    semi_axes: [f64; 2],
+    /// m.
+    length: f64,
+}
+
 impl EllipticalCylinder {
-    /// Unit vectors along the cylinder, the given and the other semi-axis, and half the lengths
-    /// of the latter two; the length of the cylinder.
-    fn frame(&self) -> ([Vector3<f64>; 3], [f64; 2], f64) {
+    fn frame(&self) -> EllipticalFrame {
         let axis = Vector3::from(self.end) - Vector3::from(self.start);
         let semi_axis = Vector3::from(self.semi_axis);
         let (along, first) = (axis.normalize(), semi_axis.normalize());
-        let frame = [along, first, along.cross(&first)];
-        (frame, [semi_axis.norm(), self.other], axis.norm())
+        EllipticalFrame {
+            along,
+            across: [first, along.cross(&first)],
+            semi_axes: [semi_axis.norm(), self.other],
+            length: axis.norm(),
+        }
     }
 
     fn contains(&self, position: &Vector3<f64>, tolerance: f64) -> bool {
-        let ([along, first, second], [a, b], length) = self.frame();
+        let frame = self.frame();
+        let ([first, second], [a, b]) = (frame.across, frame.semi_axes);
         if a.min(b) + tolerance <= 0.0 {
             return false;
         }
         let relative = position - Vector3::from(self.start);
-        let height = relative.dot(&along);
+        let height = relative.dot(&frame.along);
         let scaled = |direction: Vector3<f64>, semi_axis: f64| {
             relative.dot(&direction) / (semi_axis + tolerance)
         };
         let inside = scaled(first, a).powi(2) + scaled(second, b).powi(2) <= 1.0;
-        inside && height >= -tolerance && height <= length + tolerance
+        inside && height >= -tolerance && height <= frame.length + tolerance
     }
 
     fn bounds(&self) -> Bounds {
-        let ([_, first, second], [a, b], _) = self.frame();
+        let frame = self.frame();
+        let ([first, second], [a, b]) = (frame.across, frame.semi_axes);
         let reach = Vector3::from_fn(|i, _| (a * first[i]).hypot(b * second[i]));
         let (start, end) = (Vector3::from(self.start), Vector3::from(self.end));
         (start.inf(&end) - reach, start.sup(&end) + reach)

@@ -53,14 +53,24 @@ struct RunningPhaseStrength {
     yield_stress: Write<f64>,
 }
 
+/// Fractions of the constituents, by whose names the keys are called.
+const FRACTIONS: [Key<f64>; 5] = [
+    keys::AUSTENITE,
+    keys::FERRITE,
+    keys::PEARLITE,
+    keys::BAINITE,
+    keys::MARTENSITE,
+];
+
 impl PhaseStrength {
-    fn given(&self) -> [(&str, &Option<Property>, Key<f64>); 5] {
+    /// Yield stresses, in the order of [`FRACTIONS`].
+    fn given(self) -> [Option<Property>; 5] {
         [
-            ("austenite", &self.austenite, keys::AUSTENITE),
-            ("ferrite", &self.ferrite, keys::FERRITE),
-            ("pearlite", &self.pearlite, keys::PEARLITE),
-            ("bainite", &self.bainite, keys::BAINITE),
-            ("martensite", &self.martensite, keys::MARTENSITE),
+            self.austenite,
+            self.ferrite,
+            self.pearlite,
+            self.bainite,
+            self.martensite,
         ]
     }
 }
@@ -69,26 +79,21 @@ impl PhaseStrength {
 impl Coupler for PhaseStrength {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
-        for (key, given, _) in self.given() {
+        let given = self.given();
+        for (key, given) in FRACTIONS.iter().zip(&given) {
             let values = given.as_ref().map(Property::values).unwrap_or_default();
             for value in values {
-                check_positive(key, value, "Pa")?;
+                check_positive(&key.name, value, "Pa")?;
             }
         }
-        let [a, f, p, b, m] = self.given().map(|(_, _, key)| key);
+        let [a, f, p, b, m] = FRACTIONS;
         setup.stepping(Stepping {
             is_steady: true,
             ..Stepping::default()
         });
         Ok(Box::new(RunningPhaseStrength {
             body,
-            given: [
-                self.austenite,
-                self.ferrite,
-                self.pearlite,
-                self.bainite,
-                self.martensite,
-            ],
+            given,
             common: setup.world().property(body, "yield_stress")?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             shares: [
@@ -142,7 +147,7 @@ mod tests {
         );
         let (mut coupler, ()) = prepare(&mut world, coupler, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
-            for (_, _, key) in PhaseStrength::given(&read("")) {
+            for key in FRACTIONS {
                 setup.own(0, &key).expect("free");
             }
             setup.read(0, &keys::YIELD_STRESS).expect("written");

@@ -1,7 +1,7 @@
 //! Shape tensor `A = sum w xi xi^T V` of families, complete families, and families completed by the points of walls.
 
 use nalgebra::{Matrix3, Vector3};
-use perimelt_core::family::ForeignBonds;
+use perimelt_core::family::{ForeignBond, ForeignBonds};
 use perimelt_core::{Body, Family};
 
 /// Least eigenvalue of `A / a`: the value at a flat free surface. Families with less, as at corners, make the fluid slightly
@@ -127,7 +127,7 @@ impl Completion {
         }
         for bonds in walls {
             for n in 0..bonds.len() {
-                let (bond, point, _) = bonds.bond(n);
+                let ForeignBond { bond, point, .. } = bonds.bond(n);
                 found.at_walls[point] += bond.weight;
                 found.asymmetry[point] += bond.weight * Vector3::from(bond.xi);
             }

@@ -275,18 +275,31 @@ const DISPLACEMENTS: [(&str, &str); 3] = [
 /// others are finite.
 const MAGNITUDES: Range<f64> = 1e-100..1e100;
 
+/// A number that no quantity has.
+pub(super) struct WrongNumber {
+    /// Keys that lead to it.
+    pub(super) path: String,
+    pub(super) number: f64,
+    /// Place in the text.
+    pub(super) span: Range<usize>,
+}
+
 /// Refuses numbers that are not finite or that no quantity has, with the keys that lead to them.
 pub(super) fn wrong_numbers(
     value: &DeValue<'_>,
     path: &str,
     span: Range<usize>,
-    found: &mut Vec<(String, f64, Range<usize>)>,
+    found: &mut Vec<WrongNumber>,
 ) {
     match value {
         DeValue::Float(_) => {
             let number = numbers(value).first().copied().unwrap_or(f64::NAN);
             if !(number == 0.0 || MAGNITUDES.contains(&number.abs())) {
-                found.push((path.into(), number, span));
+                found.push(WrongNumber {
+                    path: path.into(),
+                    number,
+                    span,
+                });
             }
         }
         DeValue::Array(list) => list

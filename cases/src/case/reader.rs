@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use toml::de::{DeValue, ValueDeserializer};
 
 use super::SECTIONS;
-use super::contradictions::wrong_numbers;
+use super::contradictions::{WrongNumber, wrong_numbers};
 use super::error::{CaseError, CaseFile, Mistake, Mistakes};
 use super::locate::{self, TomlTable, TomlValue};
 use super::reword::SectionContext;
@@ -63,12 +63,12 @@ impl<'a, 'i> Reader<'a, 'i> {
         for (key, value) in self.table.iter() {
             wrong_numbers(value.get_ref(), key.get_ref(), value.span(), &mut wrong);
         }
-        for (key, number, span) in wrong {
+        for WrongNumber { path, number, span } in wrong {
             let expected = match number.is_finite() {
                 true => "expected zero, or a magnitude from 1e-100 to 1e100, in SI units",
                 false => "expected a finite number",
             };
-            let message = format!("`{key}` is {}", perimelt_core::text::number(number, 6));
+            let message = format!("`{path}` is {}", perimelt_core::text::number(number, 6));
             let mistake = Mistake::new(self.file, message, span);
             self.add(mistake.expected(expected));
         }

@@ -5,8 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use perimelt_core::log::{
-    CloudView, Column, Destination, FieldView, Log, LogError, LoggedCloud, Precision, Series,
-    Writer,
+    CloudView, Destination, FieldView, Log, LogError, LoggedCloud, Precision, Writer,
 };
 
 use super::Done;
@@ -193,9 +192,9 @@ fn copy(log: &Log, window: &RangeInclusive<f64>, to: Destination) -> Result<Kept
                 }
             }
             Item::Probe { name, row } => {
-                writer.probe(&name, time, &entries(&log.probes()[&name], row))?;
+                writer.probe(&name, time, &log.probes()[&name].row(row))?;
             }
-            Item::Balance { row } => writer.balance(time, &entries(log.balance(), row))?,
+            Item::Balance { row } => writer.balance(time, &log.balance().row(row))?,
             Item::Progress { index } => writer.progress(&log.progress()[index])?,
             Item::Checkpoint { index } => match log.checkpoint(index) {
                 Ok(state) => {
@@ -211,15 +210,6 @@ fn copy(log: &Log, window: &RangeInclusive<f64>, to: Destination) -> Result<Kept
     }
     writer.finish()?;
     Ok(kept)
-}
-
-/// A row of a time series: name, unit and value of each column.
-fn entries(series: &Series, row: usize) -> Vec<(&str, &str, f64)> {
-    let entry = |column: &'_ Column| column.values[row];
-    let columns = series.columns.iter();
-    columns
-        .map(|c| (c.name.as_str(), c.unit.as_str(), entry(c)))
-        .collect()
 }
 
 /// Writes a cloud with as many bytes for a number as it was logged with.

@@ -1,6 +1,8 @@
 use std::path::Path;
 
-use perimelt_core::log::{BodyInfo, CloudView, FieldInfo, FieldView, Precision, RunInfo, Writer};
+use perimelt_core::log::{
+    BodyInfo, CloudView, Entry, FieldInfo, FieldView, Precision, RunInfo, Writer,
+};
 
 use super::*;
 
@@ -44,11 +46,14 @@ fn write(path: &Path, name: &str, times: &[f64], points: usize, shift: f64) {
         writer
             .points(name, Precision::F64, &cloud)
             .expect("written");
-        let line = [("0e0", "K", 0.0), ("1e0", "K", 500.0 + shift)];
+        let line = [
+            Entry::new("0e0", "K", 0.0),
+            Entry::new("1e0", "K", 500.0 + shift),
+        ];
         writer.probe("across", time, &line).expect("written");
         let balance = [
-            ("heat.energy.stored", "J", 1000.0),
-            ("heat.energy.error", "J", 1e-13 * shift),
+            Entry::new("heat.energy.stored", "J", 1000.0),
+            Entry::new("heat.energy.error", "J", 1e-13 * shift),
         ];
         writer.balance(time, &balance).expect("written");
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use perimelt_core::log::{
-    BodyInfo, CloudView, FieldInfo, FieldView, Precision, Progress, RunInfo, Writer,
+    BodyInfo, CloudView, Entry, FieldInfo, FieldView, Precision, Progress, RunInfo, Writer,
 };
 
 pub(crate) const SPACING: f64 = 2.5e-4;
@@ -92,18 +92,18 @@ pub(crate) fn write_log(path: &Path, cells: [usize; 3]) {
 fn write_series(writer: &mut Writer, step: u64, time: f64) {
     let (hot, cold) = (300.0 + 900.0 * time.sqrt(), 300.0 + 200.0 * time);
     let probe = [
-        ("near_weld", "K", hot),
-        ("far", "K", cold),
-        ("uz", "m", -2e-5 * time),
+        Entry::new("near_weld", "K", hot),
+        Entry::new("far", "K", cold),
+        Entry::new("uz", "m", -2e-5 * time),
     ];
     writer
         .probe("thermocouples", time, &probe)
         .expect("written");
     let error = 1e-13 * (1.0 + time * 30.0);
     let balance = [
-        ("heat.energy.stored", "J", 500.0 * time),
-        ("heat.energy.error", "J", -error),
-        ("heat.energy.relative_error", "1", error / 500.0),
+        Entry::new("heat.energy.stored", "J", 500.0 * time),
+        Entry::new("heat.energy.error", "J", -error),
+        Entry::new("heat.energy.relative_error", "1", error / 500.0),
     ];
     writer.balance(time, &balance).expect("written");
     let mut progress = Progress {

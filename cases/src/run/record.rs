@@ -7,8 +7,8 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use perimelt_core::field::{FieldIndex, keys};
 use perimelt_core::log::{
-    BodyInfo, CloudView, Column, FieldInfo, FieldView, LatticeInfo, Precision, Progress, RunInfo,
-    Series, Writer,
+    BodyInfo, CloudView, Column, Entry, FieldInfo, FieldView, LatticeInfo, Precision, Progress,
+    RunInfo, Series, Writer,
 };
 use perimelt_core::simulation::Progress as Counters;
 use perimelt_core::world::activity::is_active;
@@ -76,7 +76,7 @@ impl Recorder {
             let values = probe.measure(simulation.world(), &sources);
             let columns = probe.columns.iter().zip(values);
             let row: Vec<_> = columns
-                .map(|((name, unit), v)| (name.as_str(), unit.as_str(), v))
+                .map(|((name, unit), value)| Entry::new(name, unit, value))
                 .collect();
             self.writer.probe(&probe.name, time, &row)?;
         }
@@ -153,7 +153,7 @@ impl Recorder {
         }
         let row: Vec<_> = columns
             .iter()
-            .map(|(n, u, v)| (n.as_str(), u.as_str(), *v))
+            .map(|(name, unit, value)| Entry::new(name, unit, *value))
             .collect();
         Ok(self.writer.probe(REPORTS, simulation.time(), &row)?)
     }
@@ -188,7 +188,7 @@ impl Recorder {
         }
         let row: Vec<_> = columns
             .iter()
-            .map(|(n, u, v)| (n.as_str(), u.as_str(), *v))
+            .map(|(name, unit, value)| Entry::new(name, unit, *value))
             .collect();
         Ok(self.writer.balance(simulation.time(), &row)?)
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use perimelt_core::Face;
 use perimelt_core::log::{
-    BodyInfo, CloudView, FieldInfo, FieldView, Log, Precision, RunInfo, Writer,
+    BodyInfo, CloudView, Entry, FieldInfo, FieldView, Log, Precision, RunInfo, Writer,
 };
 use serde_json::Value;
 
@@ -110,7 +110,7 @@ impl Plate<'_> {
             let written = writer.points("plate", Precision::F64, &cloud);
             written.expect("written");
             if let Some((name, rows)) = &self.series {
-                let row = rows[index].iter().map(|(c, u, v)| (&**c, *u, *v));
+                let row = rows[index].iter().map(|(c, u, v)| Entry::new(c, u, *v));
                 let row: Vec<_> = row.collect();
                 writer.probe(name, time, &row).expect("written");
             }

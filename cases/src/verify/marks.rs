@@ -57,13 +57,18 @@ impl Shown {
 pub fn renew(text: &str, results: &Results) -> Result<(String, usize), MarkError> {
     let (mut renewed, mut count) = (String::new(), 0);
     let mut rest = text;
-    while let Some((start, mark, shown)) = next(rest) {
+    while let Some(Mark {
+        start,
+        opening,
+        shown,
+    }) = next(rest)
+    {
         let line = text[..text.len() - rest.len() + start]
             .matches('\n')
             .count()
             + 1;
         let failed = |what: String| MarkError { line, what };
-        let inside = start + mark.len();
+        let inside = start + opening.len();
         let (content, behind) = rest[inside..]
             .split_once("-->")
             .ok_or_else(|| failed("the mark has no `-->`".into()))?;
@@ -72,8 +77,8 @@ pub fn renew(text: &str, results: &Results) -> Result<(String, usize), MarkError
             .filter(|(old, _)| !old.contains("<!--"))
             .ok_or_else(|| failed(format!("the mark has no `{END}` behind its figure")))?;
         let figure = figure(shown, content, results).map_err(failed)?;
-        let opening = rest.len() - old.len() - END.len() - after.len();
-        renewed += &rest[..opening];
+        let before = rest.len() - old.len() - END.len() - after.len();
+        renewed += &rest[..before];
         renewed += &figure;
         renewed += END;
         rest = after;
@@ -82,12 +87,26 @@ pub fn renew(text: &str, results: &Results) -> Result<(String, usize), MarkError
     Ok((renewed + rest, count))
 }
 
-/// Position and text of the first mark, and what it shows.
-fn next(text: &str) -> Option<(usize, &'static str, Shown)> {
-    let found = Shown::ALL
-        .iter()
-        .filter_map(|&(mark, shown)| Some((text.find(mark)?, mark, shown)));
-    found.min_by_key(|(position, ..)| *position)
+/// A mark in a text.
+struct Mark {
+    /// Its position.
+    start: usize,
+    /// The text with which it opens.
+    opening: &'static str,
+    shown: Shown,
+}
+
+/// The first mark.
+fn next(text: &str) -> Option<Mark> {
+    let marks = Shown::ALL.iter().filter_map(|&(opening, shown)| {
+        let start = text.find(opening)?;
+        Some(Mark {
+            start,
+            opening,
+            shown,
+        })
+    });
+    marks.min_by_key(|mark| mark.start)
 }
 
 /// The figure of a mark with this content.

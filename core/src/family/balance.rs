@@ -52,6 +52,14 @@ struct Equations<'a> {
     is_free: Vec<bool>,
 }
 
+/// A bond in the equations of the multipliers.
+struct Spring {
+    slot: usize,
+    /// m.
+    xi: Vector3<f64>,
+    coefficient: f64,
+}
+
 impl Balance {
     /// Balances the bonds of all points, with corrections and without cuts.
     pub(super) fn new(
@@ -96,14 +104,17 @@ impl Balance {
 }
 
 impl Equations<'_> {
-    /// Slot, bond vector (m) and coefficient of each bond of a point.
-    fn bonds(&self, point: usize) -> impl Iterator<Item = (usize, Vector3<f64>, f64)> {
+    fn bonds(&self, point: usize) -> impl Iterator<Item = Spring> {
         let row = self.rows.start[point]..self.rows.start[point + 1];
         row.map(move |at| {
             let slot = self.rows.column[at] as usize;
             let xi = self.images.position[slot] - self.images.position[point];
             let mean = 0.5 * (self.rows.weight[at] + self.rows.dual[at]);
-            (slot, xi, self.volume[point] * mean / xi.norm())
+            Spring {
+                slot,
+                xi,
+                coefficient: self.volume[point] * mean / xi.norm(),
+            }
         })
     }
 
@@ -135,8 +146,9 @@ impl Equations<'_> {
         self.fill(out, |point| {
             let own = Vector3::from_column_slice(&values[3 * point..3 * point + 3]);
             let bonds = self.bonds(point);
-            let term = |(slot, xi, c): (usize, Vector3<f64>, f64)| {
-                c * xi.dot(&(own - self.in_slot(values, slot))) * xi
+            let term = |bond: Spring| {
+                let change = own - self.in_slot(values, bond.slot);
+                bond.coefficient * bond.xi.dot(&change) * bond.xi
             };
             bonds.map(term).sum()
         });
@@ -144,13 +156,13 @@ impl Equations<'_> {
 
     /// Multipliers by slot.
     fn solve(&self) -> Result<Vec<Vector3<f64>>, FamilyError> {
-        let unbalanced =
-            self.by_point(|p| -self.bonds(p).map(|(_, xi, c)| c * xi).sum::<Vector3<f64>>());
-        let terms = self.by_point(|p| self.bonds(p).map(|(_, xi, c)| c * xi.abs()).sum());
-        let mut diagonal = self.by_point(|p| {
-            let square = |(_, xi, c): (usize, Vector3<f64>, f64)| c * xi.component_mul(&xi);
-            self.bonds(p).map(square).sum()
-        });
+        let sum = |point: usize, term: fn(&Vector3<f64>) -> Vector3<f64>| -> Vector3<f64> {
+            let bonds = self.bonds(point);
+            bonds.map(|bond| bond.coefficient * term(&bond.xi)).sum()
+        };
+        let unbalanced = self.by_point(|p| -sum(p, |xi| *xi));
+        let terms = self.by_point(|p| sum(p, |xi| xi.abs()));
+        let mut diagonal = self.by_point(|p| sum(p, |xi| xi.component_mul(xi)));
         diagonal
             .iter_mut()
             .filter(|d| **d == 0.0)
@@ -180,9 +192,7 @@ impl Equations<'_> {
 
     fn least_factor(&self, point: usize, balance: &Balance) -> f64 {
         let own = balance.multiplier[point];
-        let factor = |(slot, xi, _): (usize, Vector3<f64>, f64)| {
-            1.0 + (own - balance.multiplier[slot]).dot(&xi)
-        };
+        let factor = |bond: Spring| 1.0 + (own - balance.multiplier[bond.slot]).dot(&bond.xi);
         self.bonds(point).map(factor).fold(f64::INFINITY, f64::min)
     }
 }

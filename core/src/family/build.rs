@@ -103,7 +103,7 @@ impl Family {
                 return Err(FamilyError::NoNeighbours { at, horizon });
             }
             number += count;
-            let weighted = |m: Member<'_>| (m.step, m.slot as u32, bonds.weights(point, &m));
+            let weighted = |m: Member<'_>| bonds.row_bond(point, &m);
             if body.store == body::Store::List {
                 rows.push(point, slot, members().map(weighted));
             } else if is_even {

@@ -104,6 +104,17 @@ impl<'a> Places<'a> {
     }
 }
 
+/// A bond with its own point and its ghost.
+#[derive(Clone, Copy, Debug)]
+pub struct ForeignBond<'a> {
+    /// Lengths and weights.
+    pub bond: &'a Bond,
+    /// Point of the own body.
+    pub point: usize,
+    /// Point of the other body, or its image.
+    pub ghost: &'a ForeignGhost,
+}
+
 impl ForeignBonds {
     /// Weights bonds like a family of `body` with points of one spacing; there are none yet.
     pub fn new(body: &Body, spec: &FamilySpec) -> ForeignBonds {
@@ -271,11 +282,13 @@ impl ForeignBonds {
         &self.owners
     }
 
-    /// A bond by its number, with its own point and its ghost.
-    pub fn bond(&self, number: usize) -> (&Bond, usize, &ForeignGhost) {
-        let point = self.owners[self.owner[number] as usize] as usize;
-        let ghost = &self.ghosts[self.ghost[number] as usize];
-        (&self.bonds[number], point, ghost)
+    /// A bond by its number.
+    pub fn bond(&self, number: usize) -> ForeignBond<'_> {
+        ForeignBond {
+            bond: &self.bonds[number],
+            point: self.owners[self.owner[number] as usize] as usize,
+            ghost: &self.ghosts[self.ghost[number] as usize],
+        }
     }
 
     /// Passes the own point of each bond and the bond to `change`, whose changes stay until points move.
@@ -398,7 +411,7 @@ mod tests {
         }
         if let Some(foreign) = foreign {
             let mut sums = Vec::new();
-            foreign.sum_by_owner(|n| part(foreign.bond(n).0), &mut sums);
+            foreign.sum_by_owner(|n| part(foreign.bond(n).bond), &mut sums);
             foreign.add_to_owners(&sums, &mut all);
         }
         all
@@ -435,8 +448,8 @@ mod tests {
 
     fn check_that_both_ends_see_each_bond(foreign: &ForeignBonds) {
         let (mut owners, mut others) = (Vec::new(), Vec::new());
-        foreign.sum_by_owner(|n| [foreign.bond(n).0.weight], &mut owners);
-        foreign.sum_by_foreign(|n| [foreign.bond(n).0.dual], &mut others);
+        foreign.sum_by_owner(|n| [foreign.bond(n).bond.weight], &mut owners);
+        foreign.sum_by_foreign(|n| [foreign.bond(n).bond.dual], &mut others);
         let total = |sums: &[[f64; 1]]| sums.iter().map(|[s]| s).sum::<f64>();
         assert!((total(&owners) - total(&others)).abs() < 1e-12 * total(&owners));
     }
@@ -449,7 +462,7 @@ mod tests {
         old.follow(Places::reference(&lower), Places::reference(&upper));
         let sums = |bonds: &ForeignBonds| {
             let mut sums = Vec::new();
-            bonds.sum_by_foreign(|n| [bonds.bond(n).0.dual], &mut sums);
+            bonds.sum_by_foreign(|n| [bonds.bond(n).bond.dual], &mut sums);
             sums
         };
         for (along, down) in [(0.0, 0.02), (0.3, 0.1)] {

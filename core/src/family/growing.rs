@@ -413,7 +413,7 @@ impl GrowingBonds {
         for &point in &self.beside_layers {
             let point = point as usize;
             let from_layer = bonds.members(point).filter(|m| bonds.audited[m.slot]);
-            let weighted = |m: Member<'_>| (m.step, m.slot as u32, bonds.weights(point, &m));
+            let weighted = |m: Member<'_>| bonds.row_bond(point, &m);
             if self.active[point] && from_layer.clone().next().is_some() {
                 let slot = bonds.slot_of_point[point];
                 rows.push(point, slot, from_layer.map(weighted));

@@ -11,6 +11,7 @@ use super::build::{Share, continued_faces, stretches};
 use super::calibration::{Calibration, factor_along};
 use super::images::{Layers, PointImage};
 use super::layer::SlotGrid;
+use super::store::RowBond;
 use super::{Bond, FamilyError, FamilySpec, PointSlots, Slots, Stencil, StencilBond};
 
 /// A slot without a point or layer point.
@@ -180,6 +181,15 @@ impl LatticeBonds {
             false => [self.lattice_factor; 2],
         };
         factors.map(|factor| member.bond.weight * factor)
+    }
+
+    /// A bond of a point for the list of its bonds.
+    pub(super) fn row_bond(&self, point: usize, member: &Member<'_>) -> RowBond {
+        RowBond {
+            step: member.step,
+            column: member.slot as u32,
+            weights: self.weights(point, member),
+        }
     }
 
     /// Computes completeness and factors of these points again; returns the points for which one of them differs.

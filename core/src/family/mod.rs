@@ -46,7 +46,7 @@ mod spec;
 mod store;
 
 pub use broken::BrokenBonds;
-pub use foreign::{ForeignBonds, ForeignGhost, Places};
+pub use foreign::{ForeignBond, ForeignBonds, ForeignGhost, Places};
 pub use ghost_rule::{
     ByImage, ByRules, Curved, Direction, Folded, GhostRule, Mirrored, Rising, WithTractions,
 };

@@ -204,6 +204,16 @@ impl StencilBonds {
     }
 }
 
+/// A bond of a row.
+pub(super) struct RowBond {
+    /// Number of its step between cells of the lattice.
+    pub(super) step: u16,
+    /// Slot of the other point.
+    pub(super) column: u32,
+    /// Weights at both ends: `weight` and `dual` of a [`Bond`].
+    pub(super) weights: [f64; 2],
+}
+
 impl Rows {
     /// Weights of a bond by its place among all bonds.
     fn weights(&self, at: usize) -> [f64; 2] {
@@ -218,17 +228,13 @@ impl Rows {
         }
     }
 
-    pub(super) fn push(
-        &mut self,
-        point: usize,
-        slot: u32,
-        bonds: impl Iterator<Item = (u16, u32, [f64; 2])>,
-    ) {
+    pub(super) fn push(&mut self, point: usize, slot: u32, bonds: impl Iterator<Item = RowBond>) {
         self.point.push(point as u32);
         self.slot.push(slot);
-        for (step, column, [weight, dual]) in bonds {
-            self.step.push(step);
-            self.column.push(column);
+        for bond in bonds {
+            let [weight, dual] = bond.weights;
+            self.step.push(bond.step);
+            self.column.push(bond.column);
             self.weight.push(weight);
             self.dual.push(dual);
         }

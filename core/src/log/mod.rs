@@ -58,7 +58,7 @@ pub use error::LogError;
 pub use follow::{Follow, RawMessage};
 pub use reader::Log;
 pub use scan::{Damage, Ending};
-pub use series::{Column, Series};
+pub use series::{Column, Entry, Series};
 pub use writer::{Destination, RunHeader, Writer, check_unused, leads_to};
 
 /// One body at one time, as read back from a log.

@@ -22,6 +22,24 @@ pub struct Column {
     pub values: Vec<f64>,
 }
 
+/// The value of one quantity in a row of a time series.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Entry<'a> {
+    /// Name of the quantity.
+    pub name: &'a str,
+    /// SI unit.
+    pub unit: &'a str,
+    /// Its value.
+    pub value: f64,
+}
+
+impl<'a> Entry<'a> {
+    /// The value of the quantity `name`.
+    pub const fn new(name: &'a str, unit: &'a str, value: f64) -> Self {
+        Entry { name, unit, value }
+    }
+}
+
 /// JSON schema of a series; `required` keeps the order of the columns, the keyword `unit`
 /// their units.
 pub(super) fn schema(columns: &[(String, String)]) -> Value {
@@ -55,16 +73,23 @@ pub(super) fn columns(schema: &[u8]) -> Result<Vec<(String, String)>, serde_json
 }
 
 /// One message; what is not finite becomes `null`, because JSON has no word for it.
-pub(super) fn message(time: f64, values: &[(&str, &str, f64)]) -> Value {
+pub(super) fn message(time: f64, values: &[Entry<'_>]) -> Value {
     let mut message = Map::new();
     message.insert("time".into(), time.into());
-    for (name, _, value) in values {
-        message.insert((*name).to_owned(), (*value).into());
+    for entry in values {
+        message.insert(entry.name.to_owned(), entry.value.into());
     }
     Value::Object(message)
 }
 
 impl Series {
+    /// The entries of a row.
+    pub fn row(&self, row: usize) -> Vec<Entry<'_>> {
+        let columns = self.columns.iter();
+        let entries = columns.map(|c| Entry::new(&c.name, &c.unit, c.values[row]));
+        entries.collect()
+    }
+
     pub(super) fn new(columns: Vec<(String, String)>) -> Self {
         let column = |(name, unit)| Column {
             name,

@@ -121,10 +121,16 @@ fn log_step(writer: &mut Writer, step: u64, points: usize) {
     log_cloud(writer, Precision::F64, &some_cloud(time, points, step)).expect("logs points");
     let value = numbers(1, step)[0];
     writer
-        .probe("tip", time, &[("temperature", "K", value)])
+        .probe("tip", time, &[Entry::new("temperature", "K", value)])
         .expect("logs a probe");
     writer
-        .balance(time, &[("stored", "J", value), ("error", "J", 1e-9)])
+        .balance(
+            time,
+            &[
+                Entry::new("stored", "J", value),
+                Entry::new("error", "J", 1e-9),
+            ],
+        )
         .expect("logs balance");
     let progress = Progress {
         time,
@@ -368,7 +374,7 @@ fn times_below_a_nanosecond_stay_apart_and_exact() {
     for &time in &times {
         log_cloud(&mut writer, Precision::F64, &some_cloud(time, 4, 1)).unwrap();
         writer
-            .probe("tip", time, &[("temperature", "K", f64::NAN)])
+            .probe("tip", time, &[Entry::new("temperature", "K", f64::NAN)])
             .unwrap();
     }
     writer.finish().unwrap();
@@ -462,8 +468,12 @@ fn mistakes_in_logging_are_refused() {
     let error = log_cloud(&mut writer, Precision::F32, &never).unwrap_err();
     assert!(matches!(error, LogError::Time { .. }), "{error}");
 
-    writer.probe("tip", 0.0, &[("a", "K", 1.0)]).unwrap();
-    let error = writer.probe("tip", 1.0, &[("b", "K", 1.0)]).unwrap_err();
+    writer
+        .probe("tip", 0.0, &[Entry::new("a", "K", 1.0)])
+        .unwrap();
+    let error = writer
+        .probe("tip", 1.0, &[Entry::new("b", "K", 1.0)])
+        .unwrap_err();
     assert!(matches!(error, LogError::Columns { .. }), "{error}");
 
     let mut run = run_info();

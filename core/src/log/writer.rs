@@ -19,7 +19,7 @@ use destination::lock;
 pub use destination::{Destination, check_unused, leads_to};
 
 use super::{
-    CloudView, LogError, Precision, Progress, RunInfo, point_cloud,
+    CloudView, Entry, LogError, Precision, Progress, RunInfo, point_cloud,
     scan::PROFILE,
     series,
     topic::{self, Topic},
@@ -194,33 +194,23 @@ impl Writer {
         written
     }
 
-    /// Logs a row of the time series `/probes/<name>`: (name, unit, value) of each column.
+    /// Logs a row of the time series `/probes/<name>`.
     ///
     /// # Errors
     /// The columns are not those of the first row, or the file cannot be written.
-    pub fn probe(
-        &mut self,
-        name: &str,
-        time: f64,
-        values: &[(&str, &str, f64)],
-    ) -> Result<(), LogError> {
+    pub fn probe(&mut self, name: &str, time: f64, values: &[Entry<'_>]) -> Result<(), LogError> {
         self.series(&topic::probe(name), time, values)
     }
 
-    /// Logs a row of `/balance`: (name, unit, value) of each column.
+    /// Logs a row of `/balance`.
     ///
     /// # Errors
     /// The columns are not those of the first row, or the file cannot be written.
-    pub fn balance(&mut self, time: f64, values: &[(&str, &str, f64)]) -> Result<(), LogError> {
+    pub fn balance(&mut self, time: f64, values: &[Entry<'_>]) -> Result<(), LogError> {
         self.series(topic::BALANCE, time, values)
     }
 
-    fn series(
-        &mut self,
-        topic: &str,
-        time: f64,
-        values: &[(&str, &str, f64)],
-    ) -> Result<(), LogError> {
+    fn series(&mut self, topic: &str, time: f64, values: &[Entry<'_>]) -> Result<(), LogError> {
         match self.channels.get(topic) {
             Some(channel) => {
                 let same = channel.columns.len() == values.len()
@@ -228,7 +218,7 @@ impl Writer {
                         .columns
                         .iter()
                         .zip(values)
-                        .all(|(began, now)| began.0 == now.0);
+                        .all(|(began, now)| began.0 == now.name);
                 if !same {
                     return Err(LogError::Columns {
                         topic: topic.into(),
@@ -237,14 +227,14 @@ impl Writer {
                             .iter()
                             .map(|(name, _)| name.clone())
                             .collect(),
-                        now: values.iter().map(|(name, ..)| (*name).into()).collect(),
+                        now: values.iter().map(|entry| entry.name.into()).collect(),
                     });
                 }
             }
             None => {
                 let columns = values
                     .iter()
-                    .map(|(name, unit, _)| ((*name).into(), (*unit).into()));
+                    .map(|entry| (entry.name.into(), entry.unit.into()));
                 self.declare_series(topic, columns.collect())?;
             }
         }

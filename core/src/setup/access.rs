@@ -185,7 +185,7 @@ impl Setup<'_> {
             // the physics beside a wall gives impulses to it
             || access == Access::Add
                 && key.name == keys::IMPULSE.name
-                && self.world.facts.all::<Wall>().any(|(_, _, wall)| is_wall_of(wall))
+                && self.world.facts.all::<Wall>().any(|(_, wall)| is_wall_of(wall))
     }
 
     /// A derived field that the calling plugin computes.

@@ -41,7 +41,7 @@ impl Setup<'_> {
         let mut twice = BTreeSet::new();
         let declared = self.world.facts.all::<Rc<Exchange>>();
         let declared: Vec<(usize, Rc<Exchange>)> = declared
-            .map(|(_, plugin, exchange)| (plugin, exchange.clone()))
+            .map(|(plugin, exchange)| (plugin, exchange.clone()))
             .collect();
         for (plugin, exchange) in declared {
             if exchange.depth == SurfaceDepth::Plane {

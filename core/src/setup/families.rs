@@ -1,9 +1,9 @@
 //! Families of bodies, and who breaks their bonds.
 
-use super::Setup;
+use super::{FamilyRequest, Setup};
 use crate::error::SetupError;
 use crate::family::{self, Family, FamilyError, FamilySpec};
-use crate::world::families::FamilyHandle;
+use crate::world::families::{FamilyHandle, WorldFamily};
 use crate::world::{BodyIndex, BondBreaker, Breaker};
 
 impl Setup<'_> {
@@ -53,14 +53,17 @@ impl Setup<'_> {
         SetupError::new(key, error)
     }
 
-    /// The families of points that stay, by the plugin that asked first: its name, body and request.
-    pub(super) fn requests(&self) -> Vec<(String, BodyIndex, FamilySpec)> {
+    /// The families of points that stay.
+    pub(super) fn requests(&self) -> Vec<FamilyRequest> {
         let families = self.world.families.iter();
         let at_rest = families
             .filter(|f| !(self.world.is_growing(f.body) || self.world.moves_freely(f.body)));
-        at_rest
-            .map(|f| (self.label(f.plugin).to_string(), f.body, f.spec.clone()))
-            .collect()
+        let request = |family: &WorldFamily| FamilyRequest {
+            plugin: self.label(family.plugin).to_string(),
+            body: family.body,
+            spec: family.spec.clone(),
+        };
+        at_rest.map(request).collect()
     }
 
     /// Declares that the calling plugin breaks bonds of a body: it adds them to the list that others see with the handle

@@ -68,6 +68,15 @@ struct RefusedChange {
     error: SetupError,
 }
 
+/// A family that a plugin asked for.
+#[derive(Debug)]
+pub(crate) struct FamilyRequest {
+    /// The plugin that asked first.
+    pub(crate) plugin: String,
+    pub(crate) body: BodyIndex,
+    pub(crate) spec: FamilySpec,
+}
+
 /// What the set-up found.
 pub struct Declared {
     /// How plugins are stepped.
@@ -78,8 +87,8 @@ pub struct Declared {
     pub warnings: Vec<Warning>,
     /// What the user may want to know, and is no mistake.
     pub(crate) notes: Vec<Warning>,
-    /// Plugin, body and request of each family of points that stay.
-    pub(crate) requests: Vec<(String, BodyIndex, FamilySpec)>,
+    /// Families of points that stay.
+    pub(crate) requests: Vec<FamilyRequest>,
 }
 
 /// Handed to each plugin in turn.
@@ -280,8 +289,9 @@ impl<'w> Setup<'w> {
             };
             mistakes.push((d.plugin, SetupError::new("", problem)));
         }
-        for (plugin, body, rule) in self.world.facts.unread() {
-            mistakes.push((plugin, self.broken_rule(rule, body, plugin)));
+        for (fact, rule) in self.world.facts.unread() {
+            let error = self.broken_rule(rule, fact.body, fact.plugin);
+            mistakes.push((fact.plugin, error));
         }
         mistakes.extend(self.free_exchanges());
         if !mistakes.is_empty() {

@@ -116,7 +116,7 @@ impl Setup<'_> {
     /// Whether a plugin decides where points of a body are, or what flows through them.
     pub(crate) fn decides_points(&self, plugin: usize) -> bool {
         let mut descriptions = self.world.facts.all::<Description>();
-        descriptions.any(|(_, by, _)| by == plugin)
+        descriptions.any(|(by, _)| by == plugin)
     }
 
     /// Refuses plugins that act on points to which something happens that they do not support, and lets the others read

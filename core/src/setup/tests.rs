@@ -397,7 +397,7 @@ fn equal_requests_share_a_family_and_are_told_with_the_first_plugin() {
     let requests = setup.requests();
     let told: Vec<_> = requests
         .iter()
-        .map(|(plugin, body, _)| (&**plugin, *body))
+        .map(|request| (&*request.plugin, request.body))
         .collect();
     assert_eq!(told, [("heat", 0), ("stress", 0), ("stress", 1)]);
 }

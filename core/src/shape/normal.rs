@@ -8,7 +8,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::{Cylinder, Difference, EllipticalCylinder, Extrusion, Rotate, Shape};
+use super::{Cylinder, Difference, EllipticalCylinder, EllipticalFrame, Extrusion, Rotate, Shape};
 
 /// A position on the surface of a shape.
 #[derive(Clone, Copy, Debug)]
@@ -202,12 +202,21 @@ impl Cylinder {
 
 impl EllipticalCylinder {
     fn visit_parts(&self, facing: &Facing, visit: Visit<'_>) {
-        let ([along, first, second], [a, b], length) = self.frame();
+        let EllipticalFrame {
+            along,
+            across: [first, second],
+            semi_axes: [a, b],
+            length,
+        } = self.frame();
         let start = Vector3::from(self.start);
         let relative = facing.at - start;
         let height = relative.dot(&along);
         let across = [relative.dot(&first), relative.dot(&second)];
-        let (foot, normal, curvature) = nearest_on_ellipse(across, [a, b]);
+        let EllipsePoint {
+            at: foot,
+            normal,
+            curvature,
+        } = nearest_on_ellipse(across, [a, b]);
         let in_space = |v: Vector2<f64>| first * v.x + second * v.y;
         let normal3 = in_space(normal);
         let outside = (Vector2::from(across) - foot).dot(&normal);
@@ -226,8 +235,17 @@ impl EllipticalCylinder {
     }
 }
 
-/// The nearest position on an ellipse with these semi-axes, its outward normal, and its curvature (1/m).
-fn nearest_on_ellipse(at: [f64; 2], [a, b]: [f64; 2]) -> (Vector2<f64>, Vector2<f64>, f64) {
+/// A point on an ellipse.
+struct EllipsePoint {
+    at: Vector2<f64>,
+    /// Outward normal.
+    normal: Vector2<f64>,
+    /// 1/m.
+    curvature: f64,
+}
+
+/// The nearest point on an ellipse with these semi-axes.
+fn nearest_on_ellipse(at: [f64; 2], [a, b]: [f64; 2]) -> EllipsePoint {
     let place = |t: f64| Vector2::new(a * t.cos(), b * t.sin());
     let at = Vector2::from(at);
     // Newton's method for the angle at which the tangent is at right angles to the way there
@@ -244,8 +262,11 @@ fn nearest_on_ellipse(at: [f64; 2], [a, b]: [f64; 2]) -> (Vector2<f64>, Vector2<
         }
     }
     let tangent = Vector2::new(-a * t.sin(), b * t.cos());
-    let normal = Vector2::new(tangent.y, -tangent.x).normalize();
-    (place(t), normal, a * b / tangent.norm().powi(3))
+    EllipsePoint {
+        at: place(t),
+        normal: Vector2::new(tangent.y, -tangent.x).normalize(),
+        curvature: a * b / tangent.norm().powi(3),
+    }
 }
 
 impl Extrusion {

@@ -26,6 +26,13 @@ pub struct LogTimes {
 /// Log times are products of floating-point numbers: intervals that are complete but for this part count as complete.
 const ROUNDING: f64 = 1e-12;
 
+/// A stage with its start (s) and its number of logged states.
+struct CountedStage {
+    from: f64,
+    stage: LogStage,
+    count: u64,
+}
+
 impl LogTimes {
     /// One interval (s) during the whole run.
     #[must_use]
@@ -36,14 +43,17 @@ impl LogTimes {
         }
     }
 
-    /// Start of each stage (s), with its number of logged states.
-    fn stages(&self) -> impl Iterator<Item = (f64, LogStage, u64)> + '_ {
+    fn stages(&self) -> impl Iterator<Item = CountedStage> + '_ {
         let mut start = 0.0;
         self.stages.iter().map(move |stage| {
             let from = std::mem::replace(&mut start, stage.until);
             // a part of an interval below 1e-9 is rounding, and no state
             let intervals = (stage.until - from) / stage.interval * (1.0 - 1e-9);
-            (from, *stage, intervals.ceil() as u64)
+            CountedStage {
+                from,
+                stage: *stage,
+                count: intervals.ceil() as u64,
+            }
         })
     }
 
@@ -56,7 +66,7 @@ impl LogTimes {
     #[must_use]
     pub fn time(&self, number: u64) -> f64 {
         let mut left = number;
-        for (from, stage, count) in self.stages() {
+        for CountedStage { from, stage, count } in self.stages() {
             if left < count {
                 return from + left as f64 * stage.interval;
             }
@@ -73,7 +83,7 @@ impl LogTimes {
             (intervals * (1.0 + ROUNDING)) as u64
         };
         let mut number = 0;
-        for (from, stage, count) in self.stages() {
+        for CountedStage { from, stage, count } in self.stages() {
             if time * (1.0 + ROUNDING) < stage.until {
                 return number + complete(from, stage.interval).min(count - 1);
             }

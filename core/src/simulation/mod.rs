@@ -33,11 +33,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::body::Horizon;
 use crate::error::{Problem, RunError};
-use crate::family::{self, FamilySpec};
+use crate::family;
 use crate::plugin::{Balance, Report, RunningCoupler, RunningPhysics};
 use crate::programme::Programme;
 use crate::schedule::Plan;
-use crate::setup::Warning;
+use crate::setup::{FamilyRequest, Warning};
 use crate::stepping::{Step, StepSize, Stepping};
 use crate::world::World;
 
@@ -147,8 +147,8 @@ pub struct Simulation {
     /// What the exchanges of each group added in its present step, by sink.
     rates: Vec<Vec<Vec<f64>>>,
     family_sizes: Vec<FamilySize>,
-    /// Plugin, body and request of each family of points that stay.
-    requests: Vec<(String, usize, FamilySpec)>,
+    /// Families of points that stay.
+    requests: Vec<FamilyRequest>,
     warnings: Vec<Warning>,
     notes: Vec<Warning>,
     /// Wall time of the sub-steps of each physics so far, with their couplers, s; not a part of the state.
@@ -228,10 +228,11 @@ impl Simulation {
     /// Looks through all families.
     pub fn warnings(&self) -> Vec<Warning> {
         let mut warnings = self.warnings.clone();
-        for (plugin, body, spec) in &self.requests {
-            for message in family::warnings(&self.world.bodies[*body], spec) {
+        for request in &self.requests {
+            let body = &self.world.bodies[request.body];
+            for message in family::warnings(body, &request.spec) {
                 if !warnings.iter().any(|w| w.message == message) {
-                    let plugin = plugin.clone();
+                    let plugin = request.plugin.clone();
                     warnings.push(Warning { plugin, message });
                 }
             }

@@ -36,10 +36,10 @@ pub trait Fact: Any {
 }
 
 /// A fact that was published.
-struct Published {
-    body: BodyIndex,
+pub(crate) struct Published {
+    pub(crate) body: BodyIndex,
     /// Position of the plugin in the set-up.
-    plugin: usize,
+    pub(crate) plugin: usize,
     value: Rc<dyn Any>,
     unread: Option<FactRule>,
     is_read: Cell<bool>,
@@ -72,10 +72,10 @@ impl Facts {
         of_body.filter_map(|fact| Some((fact.plugin, fact.value.downcast_ref()?)))
     }
 
-    /// The facts of all bodies, see [`Facts::of`].
-    pub(crate) fn all<T: Fact>(&self) -> impl Iterator<Item = (BodyIndex, usize, &T)> {
+    /// Facts of a type about all bodies, each with the plugin that published it.
+    pub(crate) fn all<T: Fact>(&self) -> impl Iterator<Item = (usize, &T)> {
         let facts = self.0.iter();
-        facts.filter_map(|fact| Some((fact.body, fact.plugin, fact.value.downcast_ref()?)))
+        facts.filter_map(|fact| Some((fact.plugin, fact.value.downcast_ref()?)))
     }
 
     /// Notes that a plugin asked for the facts of a type.
@@ -85,9 +85,9 @@ impl Facts {
         read.for_each(|fact| fact.is_read.set(true));
     }
 
-    /// Facts for which a plugin had to ask and none did: the plugin that published, the body, the rule.
-    pub(crate) fn unread(&self) -> impl Iterator<Item = (usize, BodyIndex, FactRule)> {
+    /// Facts for which a plugin had to ask and none did, each with the rule that it breaks.
+    pub(crate) fn unread(&self) -> impl Iterator<Item = (&Published, FactRule)> {
         let facts = self.0.iter().filter(|fact| !fact.is_read.get());
-        facts.filter_map(|fact| Some((fact.plugin, fact.body, fact.unread?)))
+        facts.filter_map(|fact| Some((fact, fact.unread?)))
     }
 }

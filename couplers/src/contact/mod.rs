@@ -186,6 +186,16 @@ struct Touch {
     stiffness: f64,
 }
 
+/// The overlap of the surfaces of two bodies at a pair of points.
+struct Overlap {
+    /// Unit vector from the other point to this one.
+    normal: Vector3<f64>,
+    /// Along the normal, m.
+    depth: f64,
+    /// Weight of the pair.
+    weight: f64,
+}
+
 impl RunningContact {
     fn update_pairs(&mut self, world: &World) {
         self.pairs.update(world);
@@ -223,10 +233,18 @@ impl RunningContact {
                 continue;
             }
             let other = &self.points[j];
-            let (normal, overlap, weight) = match &self.surfaces {
+            let Overlap {
+                normal,
+                depth,
+                weight,
+            } = match &self.surfaces {
                 None => {
                     let distance = square.sqrt();
-                    (apart / distance, limit.sqrt() - distance, 1.0)
+                    Overlap {
+                        normal: apart / distance,
+                        depth: limit.sqrt() - distance,
+                        weight: 1.0,
+                    }
                 }
                 Some(surfaces) => self.overlap(surfaces, i, j, &apart),
             };
@@ -234,12 +252,12 @@ impl RunningContact {
             if normal.x.is_nan() {
                 continue;
             }
-            if overlap > 0.0 && weight > 0.0 {
+            if depth > 0.0 && weight > 0.0 {
                 let mean = 0.5 * (point.stiffness + other.stiffness);
                 let stiffness = mean * weight * point.volume * other.volume;
                 let touch = Touch {
                     normal,
-                    impulse: dt * stiffness * overlap,
+                    impulse: dt * stiffness * depth,
                     stiffness,
                 };
                 receive(j, touch);
@@ -247,19 +265,16 @@ impl RunningContact {
         }
     }
 
-    /// Normal between the surfaces of two bodies, from point j to point i, their overlap along it (m), and the weight of the
-    /// pair.
-    fn overlap(
-        &self,
-        surfaces: &Surfaces,
-        i: usize,
-        j: usize,
-        apart: &Vector3<f64>,
-    ) -> (Vector3<f64>, f64, f64) {
+    /// The overlap of the surfaces of two bodies at points i and j.
+    fn overlap(&self, surfaces: &Surfaces, i: usize, j: usize, apart: &Vector3<f64>) -> Overlap {
         let [(own, own_edge), (other, other_edge)] = [surfaces.normals[i], surfaces.normals[j]];
         let is_flat = |edge: f64| edge < FLAT[self.dimension - 1];
         if is_flat(own_edge) && is_flat(other_edge) && own.dot(&other) > FACING_COSINE {
-            return (own, 0.0, 0.0);
+            return Overlap {
+                normal: own,
+                depth: 0.0,
+                weight: 0.0,
+            };
         }
         // an edge meets a plane along the normal of the plane, and another edge along the line between the points
         let along = match (is_flat(own_edge), is_flat(other_edge)) {
@@ -279,7 +294,11 @@ impl RunningContact {
             std::f64::consts::PI / 3.0 * WIDTH * WIDTH,
         ];
         let weight = (1.0 - across * across).max(0.0).powi(2) / sum[self.dimension - 1];
-        (normal, spacing - gap, weight)
+        Overlap {
+            normal,
+            depth: spacing - gap,
+            weight,
+        }
     }
 
     /// Impulses of a step of `dt` (s).

@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::{
-    ByImage, ByRules, Continuation, ForeignBonds, LayerRule, Mirrored, Places,
+    ByImage, ByRules, Continuation, ForeignBond, ForeignBonds, LayerRule, Mirrored, Places,
 };
 use perimelt_core::pddo::largest_wave_number;
 use perimelt_core::world::BodyIndex;
@@ -92,18 +92,18 @@ impl WallInFlow {
     ) {
         let bonds = &self.bonds;
         let of_bond = |n: usize| {
-            let (bond, point, ghost) = bonds.bond(n);
+            let ForeignBond { bond, point, ghost } = bonds.bond(n);
             towards(point, ghost.reflect(velocity[ghost.point]), &bond.xi)
         };
         self.flux.clear();
         self.flux.extend((0..bonds.len()).map(of_bond));
         let weighted = |n: usize| {
-            let (bond, ..) = bonds.bond(n);
+            let bond = bonds.bond(n).bond;
             [bond.dual, bond.dual * self.flux[n]]
         };
         bonds.sum_by_foreign(weighted, &mut self.means);
         for (n, flux) in self.flux.iter_mut().enumerate() {
-            let (bond, _, ghost) = bonds.bond(n);
+            let ForeignBond { bond, ghost, .. } = bonds.bond(n);
             *flux = bond.weight * (*flux - mean(&self.means[ghost.point]));
         }
     }
@@ -112,12 +112,12 @@ impl WallInFlow {
     fn add_outflow(&mut self, enthalpy: &[f64], outflow: &mut [[f64; 2]]) {
         let bonds = &self.bonds;
         let weighted = |n: usize| {
-            let (bond, point, _) = bonds.bond(n);
+            let ForeignBond { bond, point, .. } = bonds.bond(n);
             [bond.dual, bond.dual * enthalpy[point]]
         };
         bonds.sum_by_foreign(weighted, &mut self.means);
         let part = |n: usize| {
-            let (_, _, ghost) = bonds.bond(n);
+            let ghost = bonds.bond(n).ghost;
             [self.flux[n], self.flux[n] * mean(&self.means[ghost.point])]
         };
         bonds.sum_by_owner(part, &mut self.outflow);
@@ -196,7 +196,7 @@ fn inverse_shapes<const D: usize>(
     }
     for wall in walls {
         for n in 0..wall.bonds.len() {
-            let (bond, point, _) = wall.bonds.bond(n);
+            let ForeignBond { bond, point, .. } = wall.bonds.bond(n);
             add(&mut shapes[point], bond);
         }
     }

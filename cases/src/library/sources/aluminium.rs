@@ -44,7 +44,7 @@ fn both() -> Vec<PropertyCheck> {
         // Rakic (1995)
         constant(
             "absorptivity",
-            absorptivity_1070nm((1.0332, 1.3998, 9.8914), (1.1271, 1.3281, 10.969)),
+            absorptivity_1070nm([1.0332, 1.3998, 9.8914], [1.1271, 1.3281, 10.969]),
         ),
         // the polynomial in public codes for the combustion of aluminium
         formula("conductivity.liquid", 933.0, 1700.0, |t| {
@@ -73,9 +73,9 @@ pub(super) fn a6061() -> Vec<PropertyCheck> {
         constant(
             "latent_heat",
             mixture(&[
-                (0.979, 10_710.0, AL),
-                (0.010, 8480.0, MG),
-                (0.006, 50_210.0, SI),
+                [0.979, 10_710.0, AL],
+                [0.010, 8480.0, MG],
+                [0.006, 50_210.0, SI],
             ]),
         ),
         formula("thermal_expansion", 373.0, 774.0, |kelvin| {
@@ -126,9 +126,9 @@ pub(super) fn alsi10mg() -> Vec<PropertyCheck> {
         constant(
             "specific_heat.liquid",
             mixture(&[
-                (0.8965, 31.751, AL),
-                (0.10, 27.196, SI),
-                (0.0035, 34.309, MG),
+                [0.8965, 31.751, AL],
+                [0.10, 27.196, SI],
+                [0.0035, 34.309, MG],
             ]),
         ),
         constant("solidus", 843.15),
@@ -136,9 +136,9 @@ pub(super) fn alsi10mg() -> Vec<PropertyCheck> {
         constant(
             "latent_heat",
             mixture(&[
-                (0.8965, 10_710.0, AL),
-                (0.10, 50_210.0, SI),
-                (0.0035, 8480.0, MG),
+                [0.8965, 10_710.0, AL],
+                [0.10, 50_210.0, SI],
+                [0.0035, 8480.0, MG],
             ]),
         ),
         constant("thermal_expansion", 21e-6),

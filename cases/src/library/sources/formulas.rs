@@ -4,16 +4,15 @@ use nalgebra::Complex;
 
 /// Absorbed fraction of light at normal incidence on a smooth surface (Fresnel) at 1.07 µm, from two rows (wavelength in µm,
 /// n, k) of measured optical constants, of which the wavelength lies between.
-pub(super) fn absorptivity_1070nm(below: (f64, f64, f64), above: (f64, f64, f64)) -> f64 {
-    let part = (1.07 - below.0) / (above.0 - below.0);
-    let n = below.1 + part * (above.1 - below.1);
-    let k = below.2 + part * (above.2 - below.2);
+pub(super) fn absorptivity_1070nm(below: [f64; 3], above: [f64; 3]) -> f64 {
+    let part = (1.07 - below[0]) / (above[0] - below[0]);
+    let [_, n, k] = std::array::from_fn(|i| below[i] + part * (above[i] - below[i]));
     4.0 * n / ((n + 1.0).powi(2) + k * k)
 }
 
 /// Emissivity of a smooth surface at a temperature (K), over all directions and wavelengths: Fresnel's equations by Lambert's
 /// and Planck's laws. `optical`: rows (wavelength in µm, n, k), beyond which the body emits nothing that counts.
-pub(super) fn hemispherical_emissivity(optical: &[(f64, f64, f64)], temperature: f64) -> f64 {
+pub(super) fn hemispherical_emissivity(optical: &[[f64; 3]], temperature: f64) -> f64 {
     let reflected = |n: f64, k: f64, cosine: f64| {
         let index = Complex::new(n, k);
         let inside = (Complex::from(1.0) - (1.0 - cosine * cosine) / (index * index)).sqrt();
@@ -24,7 +23,7 @@ pub(super) fn hemispherical_emissivity(optical: &[(f64, f64, f64)], temperature:
     };
     let middles = |parts: u32| (0..parts).map(move |i| (f64::from(i) + 0.5) / f64::from(parts));
     let angles = 200;
-    let emitted = |&(wavelength, n, k): &(f64, f64, f64)| {
+    let emitted = |&[wavelength, n, k]: &[f64; 3]| {
         let lost: f64 = middles(angles)
             .map(|cosine| 2.0 * cosine * reflected(n, k, cosine))
             .sum();
@@ -47,30 +46,50 @@ pub(super) fn hemispherical_emissivity(optical: &[(f64, f64, f64)], temperature:
     sum / weight
 }
 
-/// Molar mass (g/mol), boiling point (K, CRC Handbook) and heat of vaporisation there (J/mol, JANAF: enthalpies of formation of
-/// gas and liquid at 298.15 K and the integrals of their heat capacities).
-fn element(symbol: &str) -> (f64, f64, f64) {
-    match symbol {
-        "Fe" => (55.845, 3134.15, 349_576.0),
-        "Ni" => (58.693, 3186.15, 377_061.0),
-        "Cr" => (51.996, 2944.15, 339_604.0),
-        "Mo" => (95.94, 4912.15, 590_040.0),
-        "Nb" => (92.906, 5014.15, 690_141.0),
-        other => panic!("no data of {other}"),
+/// An element.
+struct Element {
+    /// g/mol.
+    molar_mass: f64,
+    /// K (CRC Handbook).
+    boiling: f64,
+    /// Heat of vaporisation at the boiling point, J/mol (JANAF: enthalpies of formation of gas and liquid at 298.15 K and the
+    /// integrals of their heat capacities).
+    vaporisation: f64,
+}
+
+impl Element {
+    fn of(symbol: &str) -> Element {
+        let [molar_mass, boiling, vaporisation] = match symbol {
+            "Fe" => [55.845, 3134.15, 349_576.0],
+            "Ni" => [58.693, 3186.15, 377_061.0],
+            "Cr" => [51.996, 2944.15, 339_604.0],
+            "Mo" => [95.94, 4912.15, 590_040.0],
+            "Nb" => [92.906, 5014.15, 690_141.0],
+            other => panic!("no data of {other}"),
+        };
+        Element {
+            molar_mass,
+            boiling,
+            vaporisation,
+        }
     }
 }
 
 /// Boiling point (K) of a melt at 1 atm by Raoult's law with Clausius and Clapeyron's vapour pressures, and the heat of
 /// vaporisation (J/kg) of its first vapour. `melt`: elements and mass %.
 pub(super) fn boiling(melt: &[(&str, f64)]) -> (f64, f64) {
-    let moles: f64 = melt.iter().map(|(e, w)| w / element(e).0).sum();
+    let moles: f64 = melt
+        .iter()
+        .map(|(e, w)| w / Element::of(e).molar_mass)
+        .sum();
     // partial pressures, atm
     let vapour = |temperature: f64| -> Vec<f64> {
         melt.iter()
             .map(|(e, w)| {
-                let (mass, boiling, heat) = element(e);
-                let pressure = (-heat / 8.314_462 * (1.0 / temperature - 1.0 / boiling)).exp();
-                w / mass / moles * pressure
+                let element = Element::of(e);
+                let over_boiling = 1.0 / temperature - 1.0 / element.boiling;
+                let pressure = (-element.vaporisation / 8.314_462 * over_boiling).exp();
+                w / element.molar_mass / moles * pressure
             })
             .collect()
     };
@@ -84,20 +103,20 @@ pub(super) fn boiling(melt: &[(&str, f64)]) -> (f64, f64) {
         }
     }
     let pressures = vapour(low);
-    let sum = |f: fn((f64, f64, f64)) -> f64| -> f64 {
+    let sum = |f: fn(Element) -> f64| -> f64 {
         melt.iter()
             .zip(&pressures)
-            .map(|((e, _), p)| p * f(element(e)))
+            .map(|((e, _), p)| p * f(Element::of(e)))
             .sum()
     };
-    (low, 1e3 * sum(|e| e.2) / sum(|e| e.0))
+    (low, 1e3 * sum(|e| e.vaporisation) / sum(|e| e.molar_mass))
 }
 
 /// Mass fractions times molar values (J/mol, J/(mol K)) over molar masses (g/mol), per kg.
-pub(super) fn mixture(parts: &[(f64, f64, f64)]) -> f64 {
+pub(super) fn mixture(parts: &[[f64; 3]]) -> f64 {
     parts
         .iter()
-        .map(|(fraction, molar, mass)| 1e3 * fraction * molar / mass)
+        .map(|[fraction, molar, mass]| 1e3 * fraction * molar / mass)
         .sum()
 }
 
@@ -109,10 +128,10 @@ pub(super) fn viscosity(a: f64, b: f64) -> impl Fn(f64) -> f64 + 'static {
 #[test]
 fn a_surface_that_reflects_nothing_emits_all_and_a_mirror_nothing() {
     assert!(
-        (hemispherical_emissivity(&[(2.0, 1.0, 0.0), (200.0, 1.0, 0.0)], 300.0) - 1.0).abs()
+        (hemispherical_emissivity(&[[2.0, 1.0, 0.0], [200.0, 1.0, 0.0]], 300.0) - 1.0).abs()
             < 1e-12
     );
-    assert!(hemispherical_emissivity(&[(2.0, 1.0, 1e6), (200.0, 1.0, 1e6)], 300.0) < 1e-4);
+    assert!(hemispherical_emissivity(&[[2.0, 1.0, 1e6], [200.0, 1.0, 1e6]], 300.0) < 1e-4);
 }
 
 #[test]

@@ -32,7 +32,7 @@ fn both() -> Vec<PropertyCheck> {
         constant("emissivity", 0.4),
         constant(
             "absorptivity",
-            absorptivity_1070nm((1.06, 3.8220, 5.3277), (1.08, 3.8610, 5.3660)),
+            absorptivity_1070nm([1.06, 3.8220, 5.3277], [1.08, 3.8610, 5.3660]),
         ),
     ]
 }

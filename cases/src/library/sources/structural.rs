@@ -108,7 +108,7 @@ pub(super) fn s355() -> Vec<PropertyCheck> {
         // Johnson and Christy (1974), iron
         constant(
             "absorptivity",
-            absorptivity_1070nm((0.984, 2.92, 3.79), (1.088, 2.97, 4.06)),
+            absorptivity_1070nm([0.984, 2.92, 3.79], [1.088, 2.97, 4.06]),
         ),
         formula("viscosity", 1750.0, 3000.0, viscosity(-0.7209, 2694.95)),
         // Sahoo, DebRoy and McNallan (1988), without sulphur

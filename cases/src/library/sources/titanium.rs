@@ -91,7 +91,7 @@ pub(super) fn ti_6al_4v() -> Vec<PropertyCheck> {
         // Johnson and Christy (1974), titanium
         constant(
             "absorptivity",
-            absorptivity_1070nm((0.984, 3.35, 3.97), (1.088, 3.50, 4.02)),
+            absorptivity_1070nm([0.984, 3.35, 3.97], [1.088, 3.50, 4.02]),
         ),
         formula("viscosity", 1923.0, 3500.0, |t| {
             1e-3 * (-1.6 + 5346.0 / t).exp()

@@ -27,7 +27,7 @@
 
 use nalgebra::{Matrix4, Vector3, Vector4};
 use perimelt_core::SetupError;
-use perimelt_core::family::ForeignBonds;
+use perimelt_core::family::{ForeignBond, ForeignBonds};
 use perimelt_core::numbers::check_fraction;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -132,7 +132,7 @@ impl CollisionWall<'_> {
                 continue;
             };
             let of_wall = |part: &Part| {
-                let (_, _, ghost) = bonds.bond(part.bond);
+                let ghost = bonds.bond(part.bond).ghost;
                 part.fraction * ghost.reflect(velocity[ghost.point])
             };
             let wall: Vector3<f64> = parts.iter().map(of_wall).sum();
@@ -141,7 +141,7 @@ impl CollisionWall<'_> {
                 continue;
             }
             let inverse = |part: &Part| {
-                let mass = self.mass.map(|m| m[bonds.bond(part.bond).2.point]);
+                let mass = self.mass.map(|m| m[bonds.bond(part.bond).ghost.point]);
                 mass.map_or(0.0, |m| part.fraction * part.fraction / m)
             };
             let mobility = parts.iter().map(inverse).sum();
@@ -152,7 +152,7 @@ impl CollisionWall<'_> {
             let impulse = impulse(approach, fluid.mass[point], mobility, restitution) * normal;
             fluid.velocity[point] += impulse / fluid.mass[point];
             for part in &parts {
-                let (_, _, ghost) = bonds.bond(part.bond);
+                let ghost = bonds.bond(part.bond).ghost;
                 let taken = -part.fraction * ghost.reflect(impulse);
                 impulses.push((ghost.point, taken));
                 if let Some(mass) = self.mass {
@@ -172,10 +172,10 @@ impl CollisionWall<'_> {
         velocity: &[Vector3<f64>],
     ) -> Option<(Vector3<f64>, Vec<Part>)> {
         let (bonds, interface) = (self.bonds(), &self.interfaces[self.number]);
-        let length = |n: &usize| bonds.bond(*n).0.length;
+        let length = |n: &usize| bonds.bond(*n).bond.length;
         let all = bonds.bonds_of(owner);
         let nearest = all.min_by(|a, b| length(a).total_cmp(&length(b)))?;
-        let (bond, point, ghost) = bonds.bond(nearest);
+        let ForeignBond { bond, point, ghost } = bonds.bond(nearest);
         let relative = fluid.velocity[point] - ghost.reflect(velocity[ghost.point]);
         let diagonal = 0.5 * self.spacing * (interface.dimension as f64).sqrt();
         if bond.length > NEAREST * diagonal + fluid.dt * relative.norm() {
@@ -208,13 +208,13 @@ fn distribute(
     normal: &Vector3<f64>,
     nearest: usize,
 ) -> Vec<Part> {
-    let scale = bonds.bond(nearest).0.length;
+    let scale = bonds.bond(nearest).bond.length;
     // 1 and the way along the wall
     let basis = |number: usize| {
-        let xi = Vector3::from(bonds.bond(number).0.xi) / scale;
+        let xi = Vector3::from(bonds.bond(number).bond.xi) / scale;
         (xi - normal.dot(&xi) * normal).insert_row(0, 1.0)
     };
-    let weight = |number: usize| bonds.bond(number).0.dual;
+    let weight = |number: usize| bonds.bond(number).bond.dual;
     let total: f64 = all.clone().map(weight).sum();
     let mut moments = Matrix4::zeros();
     for number in all.clone() {
@@ -224,7 +224,7 @@ fn distribute(
     // across the wall, and across the plane of a plane body, nothing is to be balanced
     let across = normal.insert_row(0, 0.0);
     moments += across * across.transpose();
-    if all.clone().all(|n| bonds.bond(n).0.xi[2] == 0.0) && normal.z == 0.0 {
+    if all.clone().all(|n| bonds.bond(n).bond.xi[2] == 0.0) && normal.z == 0.0 {
         moments[(3, 3)] += 1.0;
     }
     if let Some(inverse) = moments.try_inverse()

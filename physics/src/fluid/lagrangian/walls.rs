@@ -2,6 +2,7 @@
 //! ([`super::collision`]).
 
 use nalgebra::Vector3;
+use perimelt_core::family::ForeignBond;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{BondKernel, SlotField, World};
 
@@ -91,7 +92,7 @@ impl Walls {
         let mut found = Vec::new();
         for wall in &self.bodies {
             let part = |n: usize| {
-                let (bond, ..) = wall.bonds.bond(n);
+                let bond = wall.bonds.bond(n).bond;
                 let [counted @ .., weight]: [f64; 6] = kernel.bond(bond, [], []);
                 let volumes = match bond.dual > 0.0 {
                     true => bond.weight / bond.dual,
@@ -110,7 +111,7 @@ impl Walls {
         for wall in &mut self.bodies {
             let (bonds, points) = (&wall.bonds, &wall.points);
             let part = |n: usize| {
-                let (bond, _, ghost) = bonds.bond(n);
+                let ForeignBond { bond, ghost, .. } = bonds.bond(n);
                 [bond.weight * points[ghost.point].compression]
             };
             bonds.sum_by_owner(part, &mut wall.extra);
@@ -129,7 +130,7 @@ impl WallBody {
     {
         let (bonds, points) = (&self.bonds, &self.points);
         let part = |n: usize| {
-            let (bond, point, ghost) = bonds.bond(n);
+            let ForeignBond { bond, point, ghost } = bonds.bond(n);
             let (slot, xi) = ((fluid.slot_of)(point), Vector3::from(bond.xi));
             let mut v = Vector3::zeros();
             for (a, component) in fluid.velocity.iter().enumerate() {
@@ -178,7 +179,7 @@ impl WallBody {
         own: &impl Fn(usize) -> [f64; I],
         forces: &std::ops::Range<usize>,
     ) -> [f64; O] {
-        let (bond, point, ghost) = self.bonds.bond(number);
+        let ForeignBond { bond, point, ghost } = self.bonds.bond(number);
         let there = &self.points[ghost.point];
         let [velocity, held] = [there.velocity, there.held].map(|v| ghost.reflect(v));
         let other = std::array::from_fn(|i| match i {

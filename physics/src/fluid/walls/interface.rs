@@ -17,7 +17,7 @@
 //! one body continues another one, and does not depend on how many points of the fluid are near.
 
 use nalgebra::{SMatrix, SVector, Vector3};
-use perimelt_core::family::{ForeignBonds, ForeignGhost, Places};
+use perimelt_core::family::{ForeignBond, ForeignBonds, ForeignGhost, Places};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Access, Setup, World, Write, keys};
 use rayon::prelude::*;
@@ -103,7 +103,7 @@ impl Interface<'_> {
         let at = &self.solid.positions[point];
         self.for_each_in_solid(at, |xi, volume| add(xi, volume, 0.0));
         for &number in self.bonds.bonds_to(point) {
-            let (bond, _, ghost) = self.bonds.bond(number as usize);
+            let ForeignBond { bond, ghost, .. } = self.bonds.bond(number as usize);
             // from the point of the solid to that of the fluid, or to its image if an image of the solid has the bond
             let xi = ghost.reflect(-Vector3::from(bond.xi));
             if bond.length <= self.reach() {

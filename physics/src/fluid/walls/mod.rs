@@ -36,11 +36,11 @@ pub(super) mod wall_motion;
 pub(super) use wall_motion::WallMotion;
 
 use nalgebra::Vector3;
-use perimelt_core::family::{ForeignBonds, Places};
+use perimelt_core::family::{ForeignBond, ForeignBonds, Places};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Access, Bond, BondKernel, Configuration, FamilySpec, Read, Report, Setup, SetupError, Wall,
-    World, Write, keys,
+    Access, BondKernel, Configuration, FamilySpec, Read, Report, Setup, SetupError, Wall, World,
+    Write, keys,
 };
 
 use super::eulerian::immersed::Immersed;
@@ -196,7 +196,7 @@ impl Walls {
         for wall in &mut self.bodies {
             let bonds = &wall.bonds;
             let part = |n: usize| {
-                let (bond, point, _) = bonds.bond(n);
+                let ForeignBond { bond, point, .. } = bonds.bond(n);
                 let here = pressure[slot_of(point)] + force(point).dot(&Vector3::from(bond.xi));
                 [bond.dual, bond.dual * here]
             };
@@ -213,7 +213,7 @@ impl Walls {
         let mut found = Vec::new();
         for wall in &self.bodies {
             let part = |n: usize| {
-                let (bond, _, ghost) = wall.bonds.bond(n);
+                let ForeignBond { bond, ghost, .. } = wall.bonds.bond(n);
                 let rise = 1.0 + wall.density_ratio[ghost.point];
                 [bond.weight * bond.length * rise.sqrt(), bond.weight * rise]
             };
@@ -248,7 +248,7 @@ impl Walls {
         for wall in &mut self.bodies {
             let mut forces = std::mem::take(&mut wall.forces);
             let part = |n: usize| {
-                let (_, _, ghost) = wall.bonds.bond(n);
+                let ghost = wall.bonds.bond(n).ghost;
                 let on_fluid = force(wall, n) * wall.bonds.own_volume(n);
                 (-ghost.reflect(on_fluid)).into()
             };
@@ -341,7 +341,7 @@ impl WallBody {
         own: &impl Fn(usize) -> [f64; I],
         moment: f64,
     ) -> [f64; D] {
-        let (bond, point, ghost): (&Bond, _, _) = self.bonds.bond(number);
+        let ForeignBond { bond, point, ghost } = self.bonds.bond(number);
         let other = std::array::from_fn(|i| match i {
             0 => self.points[ghost.point].pressure,
             _ if is_diagonal(i - 1) => 1.0 / moment,

@@ -25,6 +25,14 @@ pub struct InelasticStates {
     pub(in crate::mechanical) variables: VariableStates,
 }
 
+/// The state of a point at the end of the last step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SettledPoint<'a> {
+    pub(super) inelastic: &'a Inelastic,
+    /// State variables of the law.
+    pub(super) variables: &'a [f64],
+}
+
 /// The trial state of a point that is being found.
 pub(super) struct Tried<'a> {
     inelastic: &'a mut Inelastic,
@@ -46,10 +54,10 @@ impl Tried<'_> {
 
     /// The state without flow.
     #[inline(always)]
-    pub(super) fn rest(self, (inelastic, variables): (&Inelastic, &[f64])) {
-        *self.inelastic = *inelastic;
+    pub(super) fn rest(self, settled: SettledPoint<'_>) {
+        *self.inelastic = *settled.inelastic;
         *self.work = 0.0;
-        self.variables.copy_from_slice(variables);
+        self.variables.copy_from_slice(settled.variables);
     }
 }
 
@@ -79,20 +87,24 @@ impl InelasticStates {
         &self.work
     }
 
-    /// Each point with its settled state and the trial state to be found from it.
+    /// The settled state of each point, with the trial state to be found from it.
     pub(super) fn try_from_settled(
         &mut self,
-    ) -> impl IndexedParallelIterator<Item = (usize, (&Inelastic, &[f64]), Tried<'_>)> {
+    ) -> impl IndexedParallelIterator<Item = (SettledPoint<'_>, Tried<'_>)> {
         let tried = self.tried.par_iter_mut().zip(&mut self.work);
         let points = self.settled.par_iter().zip(tried);
-        let points = points.zip(self.variables.try_from_settled()).enumerate();
-        points.map(|(i, ((settled, (inelastic, work)), (row, variables)))| {
+        let points = points.zip(self.variables.try_from_settled());
+        points.map(|((settled, (inelastic, work)), (row, variables))| {
+            let settled = SettledPoint {
+                inelastic: settled,
+                variables: row,
+            };
             let tried = Tried {
                 inelastic,
                 work,
                 variables,
             };
-            (i, (settled, row), tried)
+            (settled, tried)
         })
     }
 

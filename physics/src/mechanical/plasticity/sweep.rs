@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::law::{EquivalentStrain, FlowPoint};
 use super::return_mapping::StressState;
 use super::rule::{FlowRule, RulePoint, flow_of};
-use super::store::{Inelastic, InelasticStates};
+use super::store::{InelasticStates, SettledPoint};
 use crate::mechanical::elastic::StrainedPoints;
 use crate::mechanical::moduli::Moduli;
 
@@ -34,7 +34,7 @@ impl Conditions {
         number: usize,
         count: usize,
         moduli: &'a Moduli,
-        settled: (&Inelastic, &'a [f64]),
+        settled: SettledPoint<'a>,
     ) -> RulePoint<'a> {
         RulePoint {
             point: FlowPoint {
@@ -43,8 +43,8 @@ impl Conditions {
                 step: self.step,
                 shear_modulus: moduli.shear,
                 bulk_modulus: bulk_modulus(self.stress_state, moduli),
-                equivalent: settled.0.equivalent,
-                state: settled.1,
+                equivalent: settled.inelastic.equivalent,
+                state: settled.variables,
             },
             moduli,
             stress_state: self.stress_state,
@@ -131,12 +131,15 @@ impl<R: FlowRule> FlowSweep for R {
         states: &mut InelasticStates,
     ) {
         let (state, count) = (conditions.stress_state, R::CONSTANTS.len());
-        states.try_from_settled().for_each(|(i, settled, tried)| {
-            let elastic = points.law(i).with_inelastic(state, settled.0.strain);
+        let all = states.try_from_settled().enumerate();
+        all.for_each(|(i, (settled, tried))| {
+            let elastic = points
+                .law(i)
+                .with_inelastic(state, settled.inelastic.strain);
             let trial = points.stress(i, &elastic);
             let at = conditions.at(i, count, &elastic.moduli, settled);
             match flow_of(self, &at, &trial, tried.variables) {
-                Some(flow) => tried.advance(settled.0, &flow),
+                Some(flow) => tried.advance(settled.inelastic, &flow),
                 None => tried.rest(settled),
             }
         });
@@ -159,8 +162,11 @@ impl<R: FlowRule> FlowSweep for R {
         let flowing: Vec<usize> = (0..tried.len()).filter(|&i| flows(i)).collect();
         let tangent = |scratch: &mut Vec<f64>, i: usize| {
             let elastic = points.law(i);
-            let variables = states.variables.settled(i);
-            let at = conditions.at(i, count, &elastic.moduli, (&settled[i], variables));
+            let point = SettledPoint {
+                inelastic: &settled[i],
+                variables: states.variables.settled(i),
+            };
+            let at = conditions.at(i, count, &elastic.moduli, point);
             let trial = points.stress(i, &elastic.with_inelastic(state, settled[i].strain));
             let strain = EquivalentStrain {
                 end: tried[i].equivalent,

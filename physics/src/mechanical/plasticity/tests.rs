@@ -81,7 +81,7 @@ fn try_flow(plasticity: &mut Plasticity, equivalent: f64) {
         work: 3.0,
     };
     let points = plasticity.states.try_from_settled();
-    points.for_each(|(_, settled, tried)| tried.advance(settled.0, &flow));
+    points.for_each(|(settled, tried)| tried.advance(settled.inelastic, &flow));
 }
 
 #[test]

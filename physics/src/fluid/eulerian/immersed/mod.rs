@@ -31,6 +31,7 @@
 mod reference;
 
 use nalgebra::Vector3;
+use perimelt_core::family::ForeignBond;
 use perimelt_core::{BondKernel, SlotField};
 
 use super::fluxes::kernels::ViscosityInputs;
@@ -154,7 +155,7 @@ impl Walls {
             wall.find_means(|point| velocity[point]);
         }
         self.add_immersed(sums, |immersed, wall, n| {
-            let (_, _, ghost) = wall.bonds.bond(n);
+            let ghost = wall.bonds.bond(n).ghost;
             let carried = immersed.flux[n] * ghost.reflect(immersed.mean_velocity[ghost.point]);
             std::array::from_fn(|a| carried[a])
         });
@@ -174,7 +175,7 @@ impl Walls {
         let mut found = Vec::new();
         for wall in &self.bodies {
             let part = |n: usize| {
-                let (bond, _, ghost) = wall.bonds.bond(n);
+                let ForeignBond { bond, ghost, .. } = wall.bonds.bond(n);
                 let v = ghost.reflect(wall.points[ghost.point].velocity);
                 [2.0 * inverse * bond.weight * v.dot(&Vector3::from(bond.xi))]
             };
@@ -210,7 +211,7 @@ impl WallBody {
         };
         let bonds = &self.bonds;
         let part = |n: usize| {
-            let (bond, point, ghost) = bonds.bond(n);
+            let ForeignBond { bond, point, ghost } = bonds.bond(n);
             let v = ghost.reflect(velocity(point));
             [1.0, v.x, v.y, v.z].map(|value| bond.dual * value)
         };
@@ -240,7 +241,7 @@ impl WallBody {
                 (immersed.mean_velocity[j] - self.points[j].velocity) / distance;
         }
         let own = |n: usize| {
-            let (_, point, _) = self.bonds.bond(n);
+            let point = self.bonds.bond(n).point;
             FluidEnd {
                 velocity: flow.velocity(point),
                 viscosity: flow.viscosity[point],
@@ -261,19 +262,19 @@ impl WallBody {
         };
         let (bonds, points) = (&self.bonds, &self.points);
         let towards = |n: usize| {
-            let (bond, point, ghost) = bonds.bond(n);
+            let ForeignBond { bond, point, ghost } = bonds.bond(n);
             let v = flow.velocity(point) - ghost.reflect(points[ghost.point].velocity);
             flow.density[point] * v.dot(&Vector3::from(bond.xi)) / flow.moment
         };
         let part = |n: usize| {
-            let (bond, point, _) = bonds.bond(n);
+            let ForeignBond { bond, point, .. } = bonds.bond(n);
             let rise = (flow.slope)(point).dot(&Vector3::from(bond.xi));
             [1.0, towards(n), flow.density[point] + rise].map(|value| bond.dual * value)
         };
         let mut sums = Vec::new();
         bonds.sum_by_foreign(part, &mut sums);
         let of_bond = |n: usize| {
-            let (bond, point, ghost) = bonds.bond(n);
+            let ForeignBond { bond, point, ghost } = bonds.bond(n);
             let [sum, through, density] = sums[ghost.point];
             if sum <= 0.0 {
                 return 0.0;
@@ -296,7 +297,7 @@ impl WallBody {
         let Some(immersed) = self.immersed.as_ref().filter(|_| !self.wall.slip) else {
             return [0.0; O];
         };
-        let (bond, _, ghost) = self.bonds.bond(n);
+        let ForeignBond { bond, ghost, .. } = self.bonds.bond(n);
         let j = ghost.point;
         let depth = immersed.depth[n] + immersed.surface_shift[j];
         let held = ghost.reflect(self.points[j].velocity - depth * immersed.velocity_slope[j]);

@@ -1,7 +1,7 @@
 //! The reference shapes of walls: their bonds to the fluid, their surfaces, and how far they are displaced.
 
 use nalgebra::{Matrix3, Vector3};
-use perimelt_core::family::Places;
+use perimelt_core::family::{ForeignBond, Places};
 use perimelt_core::text::position;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Body, Family, Setup, SetupError, World};
@@ -107,7 +107,7 @@ impl Walls {
         for wall in &self.bodies {
             let solid = setup.body(wall.wall.other);
             for n in 0..wall.bonds.len() {
-                let (bond, point, ghost) = wall.bonds.bond(n);
+                let ForeignBond { bond, point, ghost } = wall.bonds.bond(n);
                 surface.towards[point] += bond.weight * Vector3::from(bond.xi);
                 let half = 0.5 * solid.points.spacing[ghost.point];
                 let beside = bond.xi.map(|x| (x.abs() - half).max(0.0));
@@ -192,7 +192,7 @@ impl Immersed {
         let bonds = &wall.bonds;
         let mut sums: Vec<[f64; 5]> = Vec::new();
         let part = |n: usize| {
-            let (bond, point, ghost) = bonds.bond(n);
+            let ForeignBond { bond, point, ghost } = bonds.bond(n);
             let out = surface.towards[point]
                 .try_normalize(0.0)
                 .unwrap_or_else(Vector3::zeros);
@@ -207,12 +207,12 @@ impl Immersed {
         let normal: Vec<_> = sums.iter().map(normal).collect();
         let mean = |[.., sum, weight]: &[f64; 5]| if *weight > 0.0 { sum / weight } else { 0.0 };
         let depth = |n: usize| {
-            let (bond, point, ghost) = bonds.bond(n);
+            let ForeignBond { bond, point, ghost } = bonds.bond(n);
             let way = ghost.reflect(-Vector3::from(bond.xi));
             normal[ghost.point].dot(&way) - surface.distance[point]
         };
         let mut depths: Vec<[f64; 1]> = Vec::new();
-        bonds.sum_by_foreign(|n| [bonds.bond(n).0.dual * depth(n)], &mut depths);
+        bonds.sum_by_foreign(|n| [bonds.bond(n).bond.dual * depth(n)], &mut depths);
         let below = depths.iter().zip(&sums);
         let below = below.map(|([depth], [.., weight])| match *weight > 0.0 {
             true => depth / weight,
@@ -224,7 +224,7 @@ impl Immersed {
             depth: (0..bonds.len()).map(depth).collect(),
             position: position.to_vec(),
             displacement: vec![Vector3::zeros(); normal.len()],
-            xi: (0..bonds.len()).map(|n| bonds.bond(n).0.xi).collect(),
+            xi: (0..bonds.len()).map(|n| bonds.bond(n).bond.xi).collect(),
             surface_shift: vec![0.0; normal.len()],
             mean_velocity: vec![Vector3::zeros(); normal.len()],
             velocity_slope: vec![Vector3::zeros(); normal.len()],
