@@ -158,13 +158,7 @@ mod tests {
 
     fn bond(xi: [f64; 3], weight: f64) -> Bond {
         let length = xi.iter().map(|x| x * x).sum::<f64>().sqrt();
-        Bond {
-            xi,
-            length,
-            inverse_length: 1.0 / length,
-            weight,
-            dual: weight,
-        }
+        Bond::new(xi, length, [weight; 2])
     }
 
     /// Sum of `weight |xi| n_m^2` over corrected bonds, for each axis m.

@@ -97,12 +97,13 @@ impl<'a> CloudBonds<'a> {
         let length = xi.norm();
         let other = self.images.point[slot] as usize;
         let reached = length <= self.cut(point, other) || length <= self.cut(other, point);
-        reached.then(|| Bond {
-            xi: xi.into(),
-            length,
-            inverse_length: 1.0 / length,
-            weight: self.share(point, other, length) * self.volume[other],
-            dual: self.share(other, point, length) * self.volume[other],
+        reached.then(|| {
+            let shares = [[point, other], [other, point]].map(|[a, b]| self.share(a, b, length));
+            Bond::new(
+                xi.into(),
+                length,
+                shares.map(|share| share * self.volume[other]),
+            )
         })
     }
 

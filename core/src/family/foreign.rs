@@ -228,32 +228,28 @@ impl ForeignBonds {
 
     fn weigh(&mut self, own: Places<'_>, foreign: Places<'_>) {
         let mut bonds = std::mem::take(&mut self.bonds);
-        let nothing = Bond {
-            xi: [0.0; 3],
-            length: 0.0,
-            inverse_length: 0.0,
-            weight: 0.0,
-            dual: 0.0,
-        };
-        bonds.resize(self.ghost.len(), nothing);
         self.owner_volume.clear();
         let volumes = self.owners.iter().map(|p| own.volumes[*p as usize]);
         self.owner_volume.extend(volumes);
-        let numbered = bonds.par_iter_mut().enumerate().with_min_len(1024);
-        numbered.for_each(|(n, bond)| {
+        let numbers = (0..self.ghost.len()).into_par_iter().with_min_len(1024);
+        let weighed = numbers.map(|n| {
             let point = self.owners[self.owner[n] as usize] as usize;
             let ghost = &self.ghosts[self.ghost[n] as usize];
             let xi = ghost.place(foreign.positions) - own.positions[point];
             let length = xi.norm();
             let influence = self.spec.share(self.horizon, self.spacing, length) / self.moment;
-            *bond = Bond {
-                xi: xi.into(),
-                length,
-                inverse_length: if length > 0.0 { 1.0 / length } else { 0.0 },
-                weight: influence * foreign.volumes[ghost.point],
-                dual: influence * own.volumes[point],
-            };
+            let weights = [foreign.volumes[ghost.point], own.volumes[point]];
+            let bond = Bond::new(xi.into(), length, weights.map(|volume| influence * volume));
+            match length > 0.0 {
+                true => bond,
+                // points in one place
+                false => Bond {
+                    inverse_length: 0.0,
+                    ..bond
+                },
+            }
         });
+        weighed.collect_into_vec(&mut bonds);
         self.bonds = bonds;
     }
 

@@ -328,14 +328,8 @@ pub(super) fn stencil(
                 }
                 let share = spec.share(horizon, 1.0, length);
                 let weight = share * volume / moment;
-                let bond = Bond {
-                    xi: step.map(|s| s as f64 * spacing),
-                    length: length * spacing,
-                    inverse_length: 1.0 / (length * spacing),
-                    weight,
-                    dual: weight,
-                };
-                members.push((step, bond));
+                let xi = step.map(|s| s as f64 * spacing);
+                members.push((step, Bond::new(xi, length * spacing, [weight; 2])));
             }
         }
     }

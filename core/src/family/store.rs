@@ -252,15 +252,9 @@ impl Rows {
 
 impl SlotPlaces {
     /// The bond between two slots with these weights.
-    fn bond(&self, slot: usize, other: usize, [weight, dual]: [f64; 2]) -> Bond {
+    fn bond(&self, slot: usize, other: usize, weights: [f64; 2]) -> Bond {
         let xi: [f64; 3] = std::array::from_fn(|a| self.at[a][other] - self.at[a][slot]);
         let length = xi.iter().map(|x| x * x).sum::<f64>().sqrt();
-        Bond {
-            xi,
-            length,
-            inverse_length: 1.0 / length,
-            weight,
-            dual,
-        }
+        Bond::new(xi, length, weights)
     }
 }

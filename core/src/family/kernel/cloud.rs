@@ -87,13 +87,7 @@ impl SlotPlaces {
         for lane in 0..ROW_LANES {
             let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
             let length = (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt();
-            let bond = Bond {
-                xi,
-                length,
-                inverse_length: 1.0 / length,
-                weight: weight[lane],
-                dual: dual[lane],
-            };
+            let bond = Bond::new(xi, length, [weight[lane], dual[lane]]);
             let part = kernel.bond(&bond, own, std::array::from_fn(|i| other[i][lane]));
             for o in 0..O {
                 let counts = WHOLE || counts(first + lane);

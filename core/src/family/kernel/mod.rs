@@ -55,6 +55,18 @@ pub struct Bond {
 }
 
 impl Bond {
+    /// A bond along a vector of this length (m) that is not zero, with its weights at both ends: `weight` and `dual`.
+    #[inline(always)]
+    pub fn new(xi: [f64; 3], length: f64, [weight, dual]: [f64; 2]) -> Self {
+        Bond {
+            xi,
+            length,
+            inverse_length: 1.0 / length,
+            weight,
+            dual,
+        }
+    }
+
     /// Mean of both weights, for pair forces and flows, which are opposite at the two ends.
     #[inline(always)]
     pub fn mean(&self) -> f64 {
