@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use perimelt_core::family::{InstructionSet, limit_instructions};
 
 use super::Done;
@@ -57,34 +58,27 @@ pub(super) struct Machine {
     threads: Option<usize>,
     /// Widest instruction set to use: results of two machines are the same bit by bit if both use it
     /// [default: the widest of the machine]
-    #[arg(long, value_name = "SET")]
-    instructions: Option<Instructions>,
+    #[arg(long, value_name = "SET", value_parser = instruction_set())]
+    instructions: Option<InstructionSet>,
     /// Start also where a body will take more memory than is free
     #[arg(long)]
     any_memory: bool,
 }
 
-/// Instruction sets that a run can be limited to.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Instructions {
-    /// What every machine of the architecture has
-    Baseline,
-    /// AVX2 and fused multiply-adds
-    Avx2,
-    /// AVX-512
-    Avx512,
+/// Reads an instruction set by its name.
+fn instruction_set() -> impl TypedValueParser<Value = InstructionSet> {
+    let names = PossibleValuesParser::new(InstructionSet::ALL.map(InstructionSet::name));
+    names.map(|name| {
+        let mut all = InstructionSet::ALL.into_iter();
+        all.find(|set| set.name() == name).expect("a known name")
+    })
 }
 
 impl Machine {
     /// Takes the threads and the instructions for all that this program computes.
     pub(super) fn take(&self) -> Done {
         if let Some(set) = self.instructions {
-            limit_instructions(match set {
-                Instructions::Baseline => InstructionSet::Baseline,
-                Instructions::Avx2 => InstructionSet::Avx2,
-                Instructions::Avx512 => InstructionSet::Avx512,
-            })
-            .expect("a command takes the machine before it computes");
+            limit_instructions(set).expect("a command takes the machine before it computes");
         }
         take_threads(self.threads)
     }

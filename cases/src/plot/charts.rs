@@ -144,7 +144,7 @@ pub(super) fn melt_pool_chart(
     isotherm: Option<&Isotherm>,
     celsius: bool,
 ) -> Chart {
-    let pools = || survey.pools.iter().map(|(_, pool, _)| pool.as_ref());
+    let pools = || survey.pools.iter().map(|state| state.pool.as_ref());
     let Some(isotherm) = isotherm.filter(|_| pools().any(|pool| pool.is_some())) else {
         return Chart::default();
     };
@@ -168,6 +168,6 @@ pub(super) fn melt_pool_chart(
         unit::signed_number(shown.of(isotherm.temperature), 5),
         shown.unit
     );
-    let times: Vec<f64> = survey.pools.iter().map(|(time, ..)| *time).collect();
+    let times: Vec<f64> = survey.pools.iter().map(|state| state.time).collect();
     chart(title, "time", "s", &times, vec![panel])
 }

@@ -18,10 +18,20 @@ const DISPLACEMENT: &str = "displacement";
 pub(crate) struct BodySurvey {
     /// number of the cloud in which the field reaches its largest value
     pub peak: BTreeMap<String, usize>,
-    /// times (s), melt pools, `None` while nothing is molten, and the hottest places (m)
-    pub pools: Vec<(f64, Option<MeltPool>, [f64; 3])>,
+    pub pools: Vec<SurveyedPool>,
     /// hottest point of each cloud; of the first field where the body has no temperature
     hottest: Vec<Hottest>,
+}
+
+/// The melt pool of a cloud.
+#[derive(Clone, Debug)]
+pub(crate) struct SurveyedPool {
+    /// s
+    pub time: f64,
+    /// `None` while nothing is molten
+    pub pool: Option<MeltPool>,
+    /// the hottest place (m)
+    pub hottest: [f64; 3],
 }
 
 /// The hottest point of a cloud.
@@ -135,8 +145,11 @@ pub(crate) fn survey(
             };
             let gauge = reference.gauge(body, &cloud, isotherm);
             let pool = gauge.and_then(|gauge| gauge.measure(&temperature.values, aim));
-            let hottest = survey.hottest.last().map_or([0.0; 3], |h| h.place);
-            survey.pools.push((cloud.time, pool, hottest));
+            survey.pools.push(SurveyedPool {
+                time: cloud.time,
+                pool,
+                hottest: survey.hottest.last().map_or([0.0; 3], |h| h.place),
+            });
         }
     }
     Ok(survey)

@@ -12,7 +12,7 @@ use perimelt_core::log::{
 };
 use perimelt_core::simulation::Progress as Counters;
 use perimelt_core::world::activity::is_active;
-use perimelt_core::{Body, Simulation, World};
+use perimelt_core::{Body, Report, Simulation, World};
 
 use super::{Failure, inputs};
 use crate::case::Case;
@@ -142,20 +142,17 @@ impl Recorder {
     fn record_reports(&mut self, simulation: &Simulation) -> Result<(), Failure> {
         let mut columns = Vec::new();
         for (label, reports) in simulation.reports() {
-            columns.extend(
-                reports
-                    .into_iter()
-                    .map(|r| (format!("{label}.{}", r.name), r.unit, r.value)),
-            );
+            columns.extend(reports.into_iter().map(|report| Report {
+                name: format!("{label}.{}", report.name),
+                ..report
+            }));
         }
         if columns.is_empty() {
             return Ok(());
         }
-        let row: Vec<_> = columns
-            .iter()
-            .map(|(name, unit, value)| Entry::new(name, unit, *value))
-            .collect();
-        Ok(self.writer.probe(REPORTS, simulation.time(), &row)?)
+        Ok(self
+            .writer
+            .probe(REPORTS, simulation.time(), &row(&columns))?)
     }
 
     fn record_balance(&mut self, simulation: &Simulation) -> Result<(), Failure> {
@@ -171,26 +168,19 @@ impl Recorder {
                 ];
                 let deposited = b.deposited.map(|value| ("deposited", value));
                 for (part, value) in parts.into_iter().chain(deposited) {
-                    columns.push((
-                        format!("{label}.{}.{part}", b.quantity),
-                        b.unit.clone(),
-                        value,
-                    ));
+                    let name = format!("{label}.{}.{part}", b.quantity);
+                    columns.push(Report::new(name, &b.unit, value));
                 }
                 if self.with_relative_errors {
                     let name = format!("{label}.{}{RELATIVE_ERROR}", b.quantity);
-                    columns.push((name, "1".into(), b.relative_error()));
+                    columns.push(Report::new(name, "1", b.relative_error()));
                 }
             }
         }
         if columns.is_empty() {
             return Ok(());
         }
-        let row: Vec<_> = columns
-            .iter()
-            .map(|(name, unit, value)| Entry::new(name, unit, *value))
-            .collect();
-        Ok(self.writer.balance(simulation.time(), &row)?)
+        Ok(self.writer.balance(simulation.time(), &row(&columns))?)
     }
 
     fn record_progress(&mut self, simulation: &Simulation) -> Result<(), Failure> {
@@ -246,6 +236,13 @@ impl Recorder {
     pub fn finish(self) -> Result<(), Failure> {
         Ok(self.writer.finish()?)
     }
+}
+
+fn row(columns: &[Report]) -> Vec<Entry<'_>> {
+    let columns = columns.iter();
+    columns
+        .map(|c| Entry::new(&c.name, &c.unit, c.value))
+        .collect()
 }
 
 /// Fields in the point cloud of each body. The displacement of a body whose points get or lose material is always one of

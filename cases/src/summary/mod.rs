@@ -267,15 +267,15 @@ fn temperatures(
     let states: Vec<_> = survey
         .pools
         .iter()
-        .map(|(time, pool, hottest)| {
-            let source = SourceState::nearest(sources.at(*time), *hottest)?;
-            Some((pool.as_ref()?, source))
+        .map(|state| {
+            let source = SourceState::nearest(sources.at(state.time), state.hottest)?;
+            Some((state.pool.as_ref()?, source))
         })
         .collect();
     let is_steady = steady(&states);
     for (name, size) in SIZES {
         let sizes: Vec<(usize, f64, f64)> = (survey.pools.iter().enumerate())
-            .filter_map(|(index, (time, pool, _))| Some((index, *time, size(pool.as_ref()?)?)))
+            .filter_map(|(index, state)| Some((index, state.time, size(state.pool.as_ref()?)?)))
             .collect();
         if let Some(&(_, time, value)) = sizes.iter().max_by(|a, b| a.2.total_cmp(&b.2)) {
             let name = Label::new(

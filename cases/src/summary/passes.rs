@@ -234,10 +234,11 @@ pub(super) fn of_body(
                 ReadOff::new(&body.name, name, temperature, "K").at(time)
             }));
         }
-        let in_pass = |time: &f64| *time > start && *time <= end;
+        let in_pass = |time: f64| time > start && time <= end;
         for (name, size) in SIZES {
-            let pools = survey.pools.iter().filter(|(time, ..)| in_pass(time));
-            let sizes: Vec<f64> = pools.filter_map(|(_, p, _)| size(p.as_ref()?)).collect();
+            let pools = survey.pools.iter().filter(|state| in_pass(state.time));
+            let sizes = pools.filter_map(|state| size(state.pool.as_ref()?));
+            let sizes: Vec<f64> = sizes.collect();
             if sizes.len() >= FEWEST_STATES {
                 let (id, quantity) = (format!("pool.{name}"), format!("{name} of the melt pool"));
                 let name = label(pass, &id, &quantity);

@@ -14,6 +14,24 @@ pub enum InstructionSet {
     Avx512,
 }
 
+impl InstructionSet {
+    /// All sets, from the narrowest to the widest.
+    pub const ALL: [InstructionSet; 3] = [
+        InstructionSet::Baseline,
+        InstructionSet::Avx2,
+        InstructionSet::Avx512,
+    ];
+
+    /// Name in commands.
+    pub fn name(self) -> &'static str {
+        match self {
+            InstructionSet::Baseline => "baseline",
+            InstructionSet::Avx2 => "avx2",
+            InstructionSet::Avx512 => "avx512",
+        }
+    }
+}
+
 static USED: OnceLock<InstructionSet> = OnceLock::new();
 
 /// Limits the sweeps of this program to an instruction set; to be called before the first sweep, which takes the widest set
