@@ -381,3 +381,52 @@ impl Field {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    /// The world itself has a displacement and material; all other fields belong to plugins.
+    const OF_THE_WORLD: [&str; 2] = ["ACTIVE", "DISPLACEMENT"];
+
+    /// Fields that the code of a folder names by their keys, with the files; comments and tests do not count.
+    fn named(folder: &Path, found: &mut Vec<String>) {
+        for entry in folder.read_dir().expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let stem = path.file_stem().expect("a name").to_string_lossy();
+            if stem.ends_with("tests") {
+                continue;
+            }
+            if path.is_dir() {
+                named(&path, found);
+                continue;
+            }
+            if path.extension().is_none_or(|extension| extension != "rs") {
+                continue;
+            }
+            let text = std::fs::read_to_string(&path).expect("a source");
+            let code = text.split("#[cfg(test)]\nmod tests {").next();
+            let code = code.into_iter().flat_map(str::lines);
+            let code = code.filter(|line| !line.trim_start().starts_with("//"));
+            for key in code.flat_map(|line| line.split("keys::").skip(1)) {
+                let mut words = key.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
+                let name = words.next().unwrap_or_default();
+                if !name.is_empty() && name == name.to_uppercase() {
+                    found.push(format!("{name} in {}", path.display()));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn core_names_no_field_of_a_plugin() {
+        let mut found = Vec::new();
+        named(
+            &Path::new(env!("CARGO_MANIFEST_DIR")).join("src"),
+            &mut found,
+        );
+        assert!(!found.is_empty());
+        found.retain(|name| !OF_THE_WORLD.iter().any(|own| name.starts_with(own)));
+        assert!(found.is_empty(), "{found:#?}");
+    }
+}

@@ -15,7 +15,9 @@
 //! gradient, are the field `interface_normal` of the solid, evaluated when a state is logged; its collision of points with
 //! the solid is `collisions` of `fluid`.
 
-use perimelt_core::{Coupler, Prepared, RunningCoupler, Setup, SetupError, Stepping, Wall};
+use perimelt_core::{
+    Coupler, FactRule, Prepared, RunningCoupler, Setup, SetupError, Stepping, Wall, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -74,7 +76,9 @@ impl Coupler for FluidStructure {
             return Err(SetupError::value("solid", message, expected));
         }
         let slip = self.slip;
-        setup.publish(fluid, Wall { other: solid, slip })?;
+        setup.publish_to_physics(fluid, Wall { other: solid, slip }, NO_WALLS)?;
+        // the fluid gives them
+        setup.announce_gift(solid, &keys::IMPULSE);
         setup.stepping(Stepping {
             is_steady: true,
             ..Stepping::default()
@@ -83,6 +87,13 @@ impl Coupler for FluidStructure {
         Ok(Box::new(Idle))
     }
 }
+
+/// The mistake of walls that no physics of the fluid takes.
+const NO_WALLS: FactRule = FactRule {
+    key: "fluid",
+    message: "no physics of body `{body}` has walls",
+    expected: "a `fluid` of that body with `form = \"conservative\"`",
+};
 
 perimelt_core::register_coupler!("fluid_structure", FluidStructure, supports: [Motion, Flow]);
 

@@ -6,7 +6,9 @@ use std::rc::Rc;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::exchange::{Exchange, FreeFaces, SurfaceDepth, SurfaceLaw};
-use perimelt_core::{ActivityChanges, Change, Face, Report, Setup, SetupError, World, shared_keys};
+use perimelt_core::{
+    ActivityChanges, Change, Face, FactRule, Report, Setup, SetupError, World, keys, shared_keys,
+};
 
 /// All faces, the default of boundaries that act on the whole surface.
 pub(crate) fn all_faces() -> Vec<Face> {
@@ -93,6 +95,13 @@ pub(crate) struct SurfaceHeat<L> {
     free: Option<FreeFaces>,
 }
 
+/// The mistake of a boundary on a body without physics that evaluates its law.
+const NO_EXCHANGE: FactRule = FactRule {
+    key: "body",
+    message: "no physics of body `{body}` exchanges heat through surfaces",
+    expected: "a physics `thermal` of that body",
+};
+
 impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
     pub fn prepare(
         setup: &mut Setup<'_>,
@@ -127,8 +136,10 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
         law: L,
     ) -> Result<SurfaceHeat<L>, SetupError> {
         let law = Rc::new(RefCell::new(law));
+        let exchange = setup.exchange(body, &keys::TEMPERATURE, depth, law.clone(), cells)?;
+        setup.publish_to_physics(body, exchange.clone(), NO_EXCHANGE)?;
         Ok(SurfaceHeat {
-            exchange: setup.exchange(body, depth, law.clone(), cells)?,
+            exchange,
             law,
             faces: Vec::new(),
             region: None,
@@ -202,7 +213,7 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
         let active = |point: usize| self.activity.is_active(point);
         let free = self
             .free
-            .get_or_insert_with(|| FreeFaces::new(world, index));
+            .get_or_insert_with(|| FreeFaces::new(world, index, &keys::TEMPERATURE.name));
         let bare = body.surface_of(here, &self.faces, active).into_iter();
         cells.extend(bare.filter_map(|cell| free.free_cell(world, body, &cell).0));
         // faces of a point stay in the order of `faces`

@@ -38,7 +38,7 @@ impl Case {
         let mut touching = BTreeSet::new();
         for &index in &solids {
             let body = world.body(index);
-            let free = FreeFaces::new(world, index);
+            let free = FreeFaces::new(world, index, "temperature");
             for cell in body.surface(&Face::ALL) {
                 let (_, Some(Covered::Body(other))) = free.free_cell(world, body, &cell) else {
                     continue;

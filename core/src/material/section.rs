@@ -178,7 +178,7 @@ mod tests {
                 "did you mean `description`?",
                 "descripton",
             ),
-            ("zzzz = 1", "the known ones are density,", "zzzz"),
+            ("zzzz = 1", "the known ones are absorptivity,", "zzzz"),
             (
                 "conductivity = -50",
                 "`conductivity` must be above 0 [W/(m K)], but is -50",

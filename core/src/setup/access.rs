@@ -1,9 +1,9 @@
 //! Fields that plugins own, read, write, add to and take up.
 
-use super::Setup;
+use super::{Gift, Setup};
 use crate::error::{Problem, SetupError};
-use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write, keys};
-use crate::world::{BodyIndex, Wall};
+use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write};
+use crate::world::BodyIndex;
 
 /// How a plugin touches a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,7 +150,7 @@ impl Setup<'_> {
         }
     }
 
-    /// A sink field of amounts, such as [`keys::IMPULSE`], that the calling physics takes up
+    /// A sink field of amounts, such as [`IMPULSE`](crate::keys::IMPULSE), that the calling physics takes up
     /// once at the start of a step, where a coupler adds into it. When the physics takes several sub-steps while its
     /// couplers are applied once, the sink is zero from the second sub-step on.
     ///
@@ -180,12 +180,16 @@ impl Setup<'_> {
             access => a == access,
         };
         let mut declarations = self.declarations.iter();
-        let is_wall_of = |wall: &Wall| wall.other == body;
+        let mut gifts = self.gifts.iter();
         declarations.any(|d| Some(d.field) == field && is_such(d.access))
-            // the physics beside a wall gives impulses to it
-            || access == Access::Add
-                && key.name == keys::IMPULSE.name
-                && self.world.facts.all::<Wall>().any(|(_, wall)| is_wall_of(wall))
+            || access == Access::Add && gifts.any(|g| g.body == body && g.field == key.name)
+    }
+
+    /// Announces, in a coupler, that a physics of another body will give amounts to a body ([`Setup::give`]), so that the
+    /// physics of the body takes them up whichever of the two is prepared first.
+    pub fn announce_gift<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) {
+        let field = key.name.to_string();
+        self.gifts.push(Gift { body, field });
     }
 
     /// A derived field that the calling plugin computes.

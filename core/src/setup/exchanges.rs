@@ -1,36 +1,44 @@
-//! Exchanges of heat through surfaces: which boundary declares them, and which physics evaluates them.
+//! Exchanges through surfaces: which boundary declares them, and which physics evaluates them.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
 use crate::body::{Face, SurfaceCell};
 use crate::error::SetupError;
-use crate::field::keys;
+use crate::field::Key;
 use crate::world::BodyIndex;
 use crate::world::exchange::{Covered, Exchange, FreeFaces, SurfaceDepth, SurfaceLaw};
 
 use super::{Access, Setup, Warning};
 
 impl Setup<'_> {
-    /// Declares that `cells` of a body exchange heat by a law, which the calling coupler keeps up to date. The physics that
-    /// owns the temperature evaluates it. What the surroundings cannot reach is taken away from the cells before the
-    /// first step ([`FreeFaces`]).
+    /// Declares that `cells` of a body have a flux by a law of the value of a field, which the calling coupler keeps up to date
+    /// and publishes ([`Setup::publish_to_physics`]). The physics that owns the field evaluates it. What the surroundings
+    /// cannot reach is taken away from the cells before the first step ([`FreeFaces`]).
     ///
     /// # Errors
-    /// When the temperature is known with another type.
+    /// When the field is known with another type.
     pub fn exchange(
         &mut self,
         body: BodyIndex,
+        key: &Key<f64>,
         depth: SurfaceDepth,
         law: Rc<RefCell<dyn SurfaceLaw>>,
         cells: Vec<SurfaceCell>,
     ) -> Result<Rc<Exchange>, SetupError> {
-        self.declare(body, &keys::TEMPERATURE, Access::Layer)?;
-        let label = self.label(self.current);
-        let exchange = Rc::new(Exchange::new(label, body, depth, law, cells));
-        self.publish(body, exchange.clone())?;
-        Ok(exchange)
+        let field = self.declare(body, key, Access::Layer)?;
+        Ok(Rc::new(Exchange {
+            label: self.label(self.current).to_string(),
+            body,
+            field,
+            depth,
+            law,
+            cells: RefCell::new(cells),
+            version: Cell::default(),
+            power: Cell::default(),
+            values: RefCell::default(),
+        }))
     }
 
     /// Restricts exchanges to what the surroundings can reach, and tells of faces that are left out and of faces on which
@@ -93,7 +101,8 @@ impl Setup<'_> {
     /// The free cell faces of an exchange, and the areas that are covered.
     fn free_cells(&self, exchange: &Exchange) -> (Vec<SurfaceCell>, BTreeMap<Covered, f64>) {
         let body = self.body(exchange.body);
-        let free = FreeFaces::new(self.world, exchange.body);
+        let field = &self.world.fields.field(exchange.field).name;
+        let free = FreeFaces::new(self.world, exchange.body, field);
         let mut covered: BTreeMap<Covered, f64> = BTreeMap::new();
         let mut cells = Vec::new();
         for cell in exchange.cells().iter() {

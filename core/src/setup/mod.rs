@@ -91,6 +91,13 @@ pub struct Declared {
     pub(crate) requests: Vec<FamilyRequest>,
 }
 
+/// Amounts that a physics of another body will give to a body.
+struct Gift {
+    body: BodyIndex,
+    /// The sink.
+    field: String,
+}
+
 /// Handed to each plugin in turn.
 pub struct Setup<'w> {
     pub(crate) world: &'w mut World,
@@ -99,6 +106,7 @@ pub struct Setup<'w> {
     /// The plugin that declares, by its position.
     current: usize,
     declarations: Vec<Declaration>,
+    gifts: Vec<Gift>,
     happenings: Vec<Happening>,
     refused: Vec<RefusedChange>,
     warnings: Vec<Warning>,
@@ -117,6 +125,7 @@ impl<'w> Setup<'w> {
             plugins: Vec::new(),
             current: 0,
             declarations: Vec::new(),
+            gifts: Vec::new(),
             happenings: Vec::new(),
             refused: Vec::new(),
             warnings: Vec::new(),
@@ -180,6 +189,28 @@ impl<'w> Setup<'w> {
     /// # Errors
     /// A second fact of a type of which a body has one ([`Fact::SECOND`]).
     pub fn publish<T: Fact>(&mut self, body: BodyIndex, fact: T) -> Result<(), SetupError> {
+        self.publish_by(body, fact, None)
+    }
+
+    /// Publishes a fact for which a physics of the body has to ask; `unread` is the mistake where none does.
+    ///
+    /// # Errors
+    /// See [`Setup::publish`].
+    pub fn publish_to_physics<T: Fact>(
+        &mut self,
+        body: BodyIndex,
+        fact: T,
+        unread: FactRule,
+    ) -> Result<(), SetupError> {
+        self.publish_by(body, fact, Some(unread))
+    }
+
+    fn publish_by<T: Fact>(
+        &mut self,
+        body: BodyIndex,
+        fact: T,
+        unread: Option<FactRule>,
+    ) -> Result<(), SetupError> {
         let first = self.world.facts.of::<T>(body).next();
         if let (Some((first, _)), Some(rule)) = (first, T::SECOND) {
             return Err(self.broken_rule(rule, body, first));
@@ -188,7 +219,7 @@ impl<'w> Setup<'w> {
         for change in Change::ALL.into_iter().filter(|c| changes.contains(*c)) {
             self.happens(body, change);
         }
-        self.world.facts.publish(body, self.current, fact);
+        self.world.facts.publish(body, self.current, fact, unread);
         Ok(())
     }
 

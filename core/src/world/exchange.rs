@@ -1,12 +1,13 @@
-//! Heat that a surface exchanges with its surroundings, as a function of its temperature.
+//! Flux that a surface exchanges with its surroundings, such as heat, as a function of the value of a field there, such as
+//! the temperature.
 //!
 //! A boundary such as convection declares a law ([`Setup::exchange`](crate::Setup::exchange)): the flux into the body at a
-//! temperature of the surface. The physics that owns the temperature evaluates all laws of its body
+//! value on the surface. The physics that owns the field evaluates all laws of its body
 //! ([`World::facts`]) wherever it evaluates its rates, also within a step and in the search for a
 //! steady state, so that the exchange is that of the result and not that of the state before.
 //!
 //! The surface consists of the cell faces that the surroundings can reach: not of planes of symmetry, of faces with a layer
-//! that sets or mirrors the temperature, nor of faces that another body covers ([`FreeFaces`]).
+//! that sets or mirrors the field, nor of faces that another body covers ([`FreeFaces`]). Units are those of heat.
 
 use std::cell::{Cell, Ref, RefCell};
 use std::fmt;
@@ -14,11 +15,11 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 
-use super::facts::{Fact, FactRule};
+use super::facts::Fact;
 use super::{BodyIndex, World};
 use crate::body::{Body, Face, SurfaceCell};
 use crate::cell_list::CellList;
-use crate::field::keys;
+use crate::field::FieldIndex;
 
 /// A flux into a body, and its derivative by the temperature of the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,44 +66,21 @@ pub struct Exchange {
     pub label: String,
     /// The body.
     pub body: BodyIndex,
-    /// Where the temperature of the law is.
+    /// The field whose value on the surface the law takes.
+    pub(crate) field: FieldIndex,
+    /// Where that value is.
     pub depth: SurfaceDepth,
-    law: Rc<RefCell<dyn SurfaceLaw>>,
-    cells: RefCell<Vec<SurfaceCell>>,
-    version: Cell<u64>,
-    power: Cell<f64>,
-    /// Temperature of the surface at each cell face when last observed, K; empty before.
-    temperatures: RefCell<Vec<f64>>,
+    pub(crate) law: Rc<RefCell<dyn SurfaceLaw>>,
+    pub(crate) cells: RefCell<Vec<SurfaceCell>>,
+    pub(crate) version: Cell<u64>,
+    pub(crate) power: Cell<f64>,
+    /// Value of the field at each cell face when last observed; empty before.
+    pub(crate) values: RefCell<Vec<f64>>,
 }
 
-impl Fact for Rc<Exchange> {
-    const UNREAD: Option<FactRule> = Some(FactRule {
-        key: "body",
-        message: "no physics of body `{body}` exchanges heat through surfaces",
-        expected: "a physics `thermal` of that body",
-    });
-}
+impl Fact for Rc<Exchange> {}
 
 impl Exchange {
-    pub(crate) fn new(
-        label: &str,
-        body: BodyIndex,
-        depth: SurfaceDepth,
-        law: Rc<RefCell<dyn SurfaceLaw>>,
-        cells: Vec<SurfaceCell>,
-    ) -> Exchange {
-        Exchange {
-            label: label.into(),
-            body,
-            depth,
-            law,
-            cells: RefCell::new(cells),
-            version: Cell::new(0),
-            power: Cell::new(0.0),
-            temperatures: RefCell::default(),
-        }
-    }
-
     /// The law.
     pub fn law(&self) -> Ref<'_, dyn SurfaceLaw> {
         self.law.borrow()
@@ -129,20 +107,20 @@ impl Exchange {
         self.power.get()
     }
 
-    /// Temperature of the surface in front of a point in this direction when last observed, K.
-    pub fn surface_temperature(&self, point: u32, face: Face) -> Option<f64> {
+    /// Value of the field on the surface in front of a point in this direction when last observed.
+    pub fn surface_value(&self, point: u32, face: Face) -> Option<f64> {
         let cells = self.cells.borrow();
         let first = cells.partition_point(|c| c.point < point);
         let of_point = cells[first..].iter().take_while(|c| c.point == point);
         let place = of_point.into_iter().position(|c| c.face == face)?;
-        self.temperatures.borrow().get(first + place).copied()
+        self.values.borrow().get(first + place).copied()
     }
 
-    /// Tells the heat that enters the body, W, and the temperature of the surface at each cell face, K; called by the physics
-    /// before a state is logged.
-    pub fn set_observed(&self, power: f64, temperatures: Vec<f64>) {
+    /// Tells the heat that enters the body, W, and the value of the field at each cell face; called by the physics before a
+    /// state is logged.
+    pub fn set_observed(&self, power: f64, values: Vec<f64>) {
         self.power.set(power);
-        *self.temperatures.borrow_mut() = temperatures;
+        *self.values.borrow_mut() = values;
     }
 }
 
@@ -151,8 +129,13 @@ impl Exchange {
 pub enum Covered {
     /// A plane of symmetry.
     Symmetry(Face),
-    /// A layer that another boundary sets for the temperature.
-    Layer(Face),
+    /// A layer that another boundary sets for a field.
+    Layer {
+        /// Its name.
+        field: String,
+        /// The face with the layer.
+        face: Face,
+    },
     /// Cells of another body lie against it.
     Body(String),
 }
@@ -161,21 +144,19 @@ impl fmt::Display for Covered {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Covered::Symmetry(face) => write!(f, "face `{}` is a plane of symmetry", face.name()),
-            Covered::Layer(face) => {
-                write!(
-                    f,
-                    "another boundary sets the temperature at face `{}`",
-                    face.name()
-                )
+            Covered::Layer { field, face } => {
+                let face = face.name();
+                write!(f, "another boundary sets the {field} at face `{face}`")
             }
             Covered::Body(body) => write!(f, "body `{body}` covers it"),
         }
     }
 }
 
-/// The cell faces of a body that the surroundings can reach.
+/// The cell faces of a body through which its surroundings can exchange a field.
 #[derive(Debug, Default)]
 pub struct FreeFaces {
+    field: String,
     symmetry: Vec<(Face, f64)>,
     layers: Vec<(Face, f64)>,
     covers: Vec<Cover>,
@@ -193,13 +174,13 @@ struct Cover {
 }
 
 impl FreeFaces {
-    /// What covers faces of a body at the start of the run.
-    pub fn new(world: &World, body: BodyIndex) -> FreeFaces {
+    /// What covers faces of a body at the start of the run, where the field called `field` is exchanged.
+    pub fn new(world: &World, body: BodyIndex, field: &str) -> FreeFaces {
         let this = world.body(body);
         let at = |face: &Face| (*face, this.face_position(*face));
         let symmetry: Vec<_> = world.symmetry(body).iter().map(at).collect();
         let layers = world.layers.iter();
-        let layers = layers.filter(|l| l.body == body && l.field == keys::TEMPERATURE.name);
+        let layers = layers.filter(|l| l.body == body && l.field == field);
         let layers =
             layers.flat_map(|l| l.rules.borrow().iter().map(|r| r.face).collect::<Vec<_>>());
         let layers = layers.filter(|face| !symmetry.iter().any(|(f, _)| f == face));
@@ -209,6 +190,7 @@ impl FreeFaces {
         let others = others.filter(|other| !world.are_refined(body, *other));
         let covers = others.filter_map(|other| Cover::new(this, other, world.body(other)));
         FreeFaces {
+            field: field.into(),
             symmetry,
             layers,
             covers: covers.collect(),
@@ -227,7 +209,8 @@ impl FreeFaces {
             return (0.0, Some(Covered::Symmetry(*face)));
         }
         if let Some((face, _)) = self.layers.iter().find(lies_at) {
-            return (0.0, Some(Covered::Layer(*face)));
+            let (field, face) = (self.field.clone(), *face);
+            return (0.0, Some(Covered::Layer { field, face }));
         }
         let mut free = 1.0;
         let mut by = None;

@@ -26,8 +26,6 @@ pub struct FactRule {
 pub trait Fact: Any {
     /// The mistake of a second plugin that publishes such a fact of a body; `None` where there may be several.
     const SECOND: Option<FactRule> = None;
-    /// The mistake of a fact for which no plugin asks; `None` where that is none.
-    const UNREAD: Option<FactRule> = None;
 
     /// What happens to the points of the body.
     fn changes(&self) -> Changes {
@@ -41,6 +39,7 @@ pub(crate) struct Published {
     /// Position of the plugin in the set-up.
     pub(crate) plugin: usize,
     value: Rc<dyn Any>,
+    /// The mistake where no plugin asks for it; `None` where that is none.
     unread: Option<FactRule>,
     is_read: Cell<bool>,
 }
@@ -56,12 +55,18 @@ impl fmt::Debug for Facts {
 }
 
 impl Facts {
-    pub(crate) fn publish<T: Fact>(&mut self, body: BodyIndex, plugin: usize, fact: T) {
+    pub(crate) fn publish<T: Fact>(
+        &mut self,
+        body: BodyIndex,
+        plugin: usize,
+        fact: T,
+        unread: Option<FactRule>,
+    ) {
         self.0.push(Published {
             body,
             plugin,
             value: Rc::new(fact),
-            unread: T::UNREAD,
+            unread,
             is_read: Cell::new(false),
         });
     }

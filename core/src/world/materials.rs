@@ -1,8 +1,22 @@
 //! Properties of the materials of a body.
 
-use super::{BodyIndex, PhaseChange, World};
+use super::facts::Fact;
+use super::{BodyIndex, World};
 use crate::error::{Problem, SetupError};
-use crate::material::{EnthalpyCurve, Expansion, Material, MaterialError, Property};
+use crate::material::{
+    EnthalpyCurve, Expansion, LatentHeatForm, Material, MaterialError, MushyCapacity, Property,
+};
+
+/// How a body melts and freezes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PhaseChange {
+    /// What heats up between solidus and liquidus.
+    pub mushy_capacity: MushyCapacity,
+    /// How a step of heating finds the new temperature.
+    pub form: LatentHeatForm,
+}
+
+impl Fact for PhaseChange {}
 
 impl World {
     /// The property `name` of each material of a body.

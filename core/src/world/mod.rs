@@ -18,15 +18,15 @@ use nalgebra::Vector3;
 use crate::body::{Body, Face, Region};
 use crate::error::{Problem, SetupError};
 use crate::family::{LayerRule, Traction};
-use crate::field::{FieldIndex, Fields, Read, ReadIfProvided, Value, Write, keys};
-use crate::material::{LatentHeatForm, MushyCapacity};
+use crate::field::{FieldIndex, Fields, Read, ReadIfProvided, Value, Write};
 use crate::solver::reduce::weighted_sum;
 
 use changes::Changes;
 use configuration::Configurations;
 use exchange::{Exchange, SurfaceDepth};
-use facts::{Fact, FactRule, Facts};
+use facts::{Fact, Facts};
 use families::WorldFamily;
+pub use materials::PhaseChange;
 use refinement::Refinement;
 
 /// Index of a body.
@@ -59,7 +59,7 @@ pub struct Rigid;
 impl Fact for Rigid {}
 
 /// Loads of the surface of a body act on the faces of its cells: the force per volume of a point comes with its first moment
-/// about the point ([`keys::BODY_FORCE_MOMENT`]).
+/// about the point ([`BODY_FORCE_MOMENT`](crate::keys::BODY_FORCE_MOMENT)).
 #[derive(Clone, Copy, Debug)]
 pub struct LoadedFaces;
 
@@ -71,8 +71,8 @@ pub struct SymmetryPlane(pub Face);
 
 impl Fact for SymmetryPlane {}
 
-/// Distances of the surface of a body from its outermost points by direction ([`Face::ALL`]), in spacings, as the sums of a
-/// physics of heat make them.
+/// Distances of the surface of a body from its outermost points by direction ([`Face::ALL`]), in spacings, as the sums over
+/// families make them for the field that is exchanged through the surface.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfaceDepths(pub [f64; 6]);
 
@@ -87,24 +87,7 @@ pub struct Wall {
     pub slip: bool,
 }
 
-impl Fact for Wall {
-    const UNREAD: Option<FactRule> = Some(FactRule {
-        key: "fluid",
-        message: "no physics of body `{body}` has walls",
-        expected: "a `fluid` of that body with `form = \"conservative\"`",
-    });
-}
-
-/// How a body melts and freezes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PhaseChange {
-    /// What heats up between solidus and liquidus.
-    pub mushy_capacity: MushyCapacity,
-    /// How a step of heating finds the new temperature.
-    pub form: LatentHeatForm,
-}
-
-impl Fact for PhaseChange {}
+impl Fact for Wall {}
 
 /// Pairs of points of a body whose bond broke, for whoever else has bonds between them.
 #[derive(Debug, Default)]
@@ -221,8 +204,8 @@ impl World {
         self.fact::<Rigid>(body).is_some()
     }
 
-    /// Distances of the surface of a body from its outermost points by direction ([`Face::ALL`]), in spacings: over these the
-    /// temperature of a point changes to that of the surface before it.
+    /// Distances of the surface of a body from its outermost points by direction ([`Face::ALL`]), in spacings: over these an
+    /// exchanged field changes from its value at a point to that of the surface before it.
     pub fn surface_depth(&self, body: BodyIndex) -> [f64; 6] {
         let depths = self.fact::<SurfaceDepths>(body);
         depths.map_or([0.5; 6], |depths| depths.0)
@@ -268,16 +251,16 @@ impl World {
         weighted_sum(&self.read(handle), &self.bodies[body].points.volume)
     }
 
-    /// A component of a field on the cell face in front of a point, where a boundary prescribes it or, of the temperature, where
-    /// the surface exchanges heat: as of the last observation.
+    /// A component of a field on the cell face in front of a point, where a boundary prescribes it or the surface exchanges it:
+    /// as of the last observation.
     pub fn value_on_face(
         &self,
-        field: FieldIndex,
+        index: FieldIndex,
         component: usize,
         point: u32,
         face: Face,
     ) -> Option<f64> {
-        let field = self.fields.field(field);
+        let field = self.fields.field(index);
         let of_field = |l: &&Layers| l.body == field.body && l.field == field.name;
         let prescribed = self.layers.iter().filter(of_field).find_map(|layers| {
             let rules = layers.rules.borrow();
@@ -287,8 +270,8 @@ impl World {
         let exchanged = || {
             let mut own = self
                 .facts::<Rc<Exchange>>(field.body)
-                .filter(|e| e.depth == SurfaceDepth::Face && field.name == keys::TEMPERATURE.name);
-            own.find_map(|e| e.surface_temperature(point, face))
+                .filter(|e| e.depth == SurfaceDepth::Face && e.field == index);
+            own.find_map(|e| e.surface_value(point, face))
         };
         prescribed
             .or_else(exchanged)

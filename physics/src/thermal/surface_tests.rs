@@ -83,7 +83,7 @@ impl Cooled {
         let cells: Vec<SurfaceCell> = setup.body(0).surface(faces);
         let law = Rc::new(RefCell::new(film));
         setup
-            .exchange(0, SurfaceDepth::Face, law, cells)
+            .exchange(0, &keys::TEMPERATURE, SurfaceDepth::Face, law, cells)
             .expect("an exchange");
         let layer = held.map(|_| {
             setup.next_plugin("held");
