@@ -47,7 +47,21 @@ impl Constant {
     }
 }
 
-/// A variable of the state of a point that a law declares. It becomes the field `<law>.<name>`.
+/// What a state variable consists of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VariableShape {
+    /// One number.
+    Scalar,
+    /// A symmetric tensor, six numbers: xx, yy, zz, xy, yz, zx.
+    Tensor,
+    /// A tensor that is not symmetric, nine numbers by columns.
+    Matrix,
+    /// Numbers without directions.
+    Numbers(usize),
+}
+
+/// A variable of the state of a point that a law declares. It becomes the field `<law>.<name>`; numbers become the fields
+/// `<law>.<name>_1` and so on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StateVariable {
     /// Name behind that of the law.
@@ -56,8 +70,8 @@ pub struct StateVariable {
     pub unit: &'static str,
     /// Meaning, in one line.
     pub meaning: &'static str,
-    /// Whether it is a symmetric tensor (six numbers: xx, yy, zz, xy, yz, zx), not one number.
-    pub is_tensor: bool,
+    /// What it consists of.
+    pub shape: VariableShape,
 }
 
 impl StateVariable {
@@ -67,21 +81,28 @@ impl StateVariable {
             name,
             unit,
             meaning,
-            is_tensor: false,
+            shape: VariableShape::Scalar,
         }
     }
 
     /// A symmetric tensor.
     pub const fn tensor(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
-        StateVariable {
-            is_tensor: true,
-            ..StateVariable::scalar(name, unit, meaning)
-        }
+        StateVariable::scalar(name, unit, meaning).of_shape(VariableShape::Tensor)
+    }
+
+    /// With another shape.
+    pub const fn of_shape(self, shape: VariableShape) -> Self {
+        StateVariable { shape, ..self }
     }
 
     /// Numbers of the variable.
     pub const fn width(&self) -> usize {
-        if self.is_tensor { 6 } else { 1 }
+        match self.shape {
+            VariableShape::Scalar => 1,
+            VariableShape::Tensor => 6,
+            VariableShape::Matrix => 9,
+            VariableShape::Numbers(count) => count,
+        }
     }
 
     /// Numbers of all variables of a law.
@@ -159,6 +180,13 @@ pub struct Law<P: ?Sized> {
     pub name: &'static str,
     /// The law.
     pub law: Box<P>,
+}
+
+impl<P: LawKind + ?Sized> Law<P> {
+    /// The key of its table, such as `flow.j2`.
+    pub fn key(&self) -> String {
+        format!("{}.{}", P::KEY, self.name)
+    }
 }
 
 impl<P: ?Sized> Clone for Law<P>

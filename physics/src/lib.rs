@@ -11,6 +11,8 @@
 //! | `mechanical` | `displacement`, `velocity`, `stress`, `conjugate_stress` | `eigenstrain`, `body_force` |
 
 #![cfg_attr(not(test), warn(unused_crate_dependencies))]
+#![deny(unsafe_code)]
+
 mod advection;
 mod dependent_keys;
 pub mod fluid;

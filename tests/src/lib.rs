@@ -1,6 +1,7 @@
 //! Verification and command-line tests, and what several of them need.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use perimelt_core::log::Log;
 
@@ -33,4 +34,25 @@ pub fn last_checkpoint(log: &Path) -> Vec<u8> {
     let log = Log::open(log).expect("the log opens");
     let last = log.last_checkpoint().expect("it has a checkpoint");
     log.checkpoint(last).expect("it reads")
+}
+
+/// Compiles the material subroutines of the tests to a library in a folder; `None`, with a message, without a compiler.
+///
+/// # Panics
+/// Where they do not compile.
+pub fn compile_subroutines(folder: &Path) -> Option<PathBuf> {
+    let library = folder.join("materials.so");
+    let source = root().join("tests/tests/umat/materials.c");
+    let mut compiler = Command::new("cc");
+    compiler.args(["-shared", "-fPIC", "-O1", "-o"]);
+    match compiler.arg(&library).arg(source).arg("-lm").status() {
+        Ok(status) => {
+            assert!(status.success(), "the subroutines do not compile");
+            Some(library)
+        }
+        Err(error) => {
+            eprintln!("left out, no compiler `cc`: {error}");
+            None
+        }
+    }
 }

@@ -1,4 +1,5 @@
-//! The order of modules: each uses those below it only, so that none has to be understood together with those above it.
+//! The order of modules: each uses those below it only, so that none has to be understood together with those above it. And
+//! the files with `unsafe` code.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -87,4 +88,35 @@ fn modules_use_those_below_them_only() {
             }
         }
     }
+}
+
+/// Files with `unsafe` code, and what they need it for.
+const UNSAFE: [(&str, &str); 2] = [
+    (
+        "core/src/family/kernel/",
+        "sweeps over bonds: reads without a check of each index, writes of disjoint parts by several threads",
+    ),
+    (
+        "physics/src/mechanical/points/umat/library.rs",
+        "calls of the C function of a user's library",
+    ),
+];
+
+#[test]
+fn unsafe_code_stands_in_few_files() {
+    let mut found = BTreeSet::new();
+    for folder in ["core", "physics", "couplers", "plot", "cases"] {
+        for path in files_with("rs", &root().join(folder).join("src")) {
+            let code = code(&path);
+            let words = code.split(|c: char| !c.is_alphanumeric() && c != '_');
+            if words.filter(|word| *word == "unsafe").count() > 0 {
+                let path = path.strip_prefix(root()).expect("inside");
+                let path = path.to_string_lossy().into_owned();
+                let allowed = UNSAFE.iter().find(|(place, _)| path.starts_with(place));
+                let (place, _) = allowed.unwrap_or_else(|| panic!("{path}: `unsafe`"));
+                found.insert(*place);
+            }
+        }
+    }
+    assert_eq!(found.len(), UNSAFE.len(), "{found:?}");
 }

@@ -16,7 +16,7 @@ use super::nodes::Nodes;
 use super::plasticity::Plasticity;
 use super::points::LawPoints;
 use super::residual::Tangent;
-use super::solid::{Constitution, EnergyKind, StrainKind, StressKind};
+use super::solid::{Constitution, EnergyKind, PointModuli, StrainKind, StressKind};
 
 /// Properties of a formulation.
 #[derive(Clone, Copy, Debug)]
@@ -145,6 +145,53 @@ impl SolidBase {
         Bonds::unbroken(&self.family, self.fracture())
     }
 
+    /// Takes the law of the points, if it is not linear.
+    pub(super) fn set_law(&mut self, points: Option<LawPoints>) {
+        self.law_points = points;
+        self.find_steepest();
+    }
+
+    fn find_steepest(&mut self) {
+        if let Some(points) = &self.law_points {
+            self.elastic_law = ElasticProperties {
+                is_linear: false,
+                steepest: points.steepest(&self.elastic),
+            };
+        }
+    }
+
+    /// The law of a point, unless it is linear or the point is loose.
+    pub(super) fn law_points_of(&self, gradient: &Gradient, point: usize) -> Option<&LawPoints> {
+        let points = self.law_points.as_ref();
+        points.filter(|_| !gradient.is_loose(point))
+    }
+
+    /// Takes the moduli of the points, and the constants of their law; whether moduli can have changed.
+    pub(super) fn set_moduli(&mut self, moduli: PointModuli<'_>) -> bool {
+        if let Some(points) = &mut self.law_points {
+            match moduli {
+                PointModuli::At(body, temperature) => points.load_constants(body, temperature),
+                // the same in a resumed run, whatever the temperature
+                PointModuli::Stiffest(body) => points.load_constants(body, None),
+            }
+        }
+        let changed = self.elastic.set_moduli(moduli);
+        if let PointModuli::Stiffest(_) = moduli {
+            self.find_steepest();
+        }
+        changed
+    }
+
+    /// Sets the trial states of the flow and of the law of the points that follow the gradients.
+    pub(super) fn try_gradients(&mut self, gradient: &Gradient) {
+        if let Some(plasticity) = &mut self.plasticity {
+            plasticity.try_strains(self.elastic.strained(gradient));
+        }
+        if let Some(points) = &mut self.law_points {
+            points.try_gradients(&self.elastic, gradient);
+        }
+    }
+
     /// Plastic state, if the body flows.
     pub fn plasticity(&mut self) -> Option<&mut Plasticity> {
         self.plasticity.as_mut()
@@ -221,10 +268,16 @@ impl SolidBase {
         }
     }
 
-    /// Linearises the plastic flow about the trial state, where the body flows.
+    /// Linearises the plastic flow and the law of the points about the trial state.
     pub(super) fn linearise(&mut self, gradient: Option<&Gradient>, damping: f64) {
-        if let (Some(plasticity), Some(gradient)) = (&mut self.plasticity, gradient) {
+        let Some(gradient) = gradient else {
+            return;
+        };
+        if let Some(plasticity) = &mut self.plasticity {
             plasticity.linearise(self.elastic.strained(gradient), damping);
+        }
+        if let Some(points) = &mut self.law_points {
+            points.about.copy_from_slice(&gradient.values);
         }
     }
 

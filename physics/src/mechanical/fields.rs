@@ -1,7 +1,7 @@
 //! Fields that the mechanical physics reads and writes.
 
 use nalgebra::{Matrix3, Vector3};
-use perimelt_core::law::StateVariable;
+use perimelt_core::law::{StateVariable, VariableShape};
 use perimelt_core::world::{BodyIndex, BondBreaker};
 use perimelt_core::{Access, Key, Read, ReadIfProvided, Setup, SetupError, World, Write, keys};
 
@@ -74,6 +74,7 @@ pub(super) struct PlasticFields {
 pub(super) enum VariableField {
     Scalar(Write<f64>, usize),
     Tensor(Write<Matrix3<f64>>, usize),
+    Matrix(Write<Matrix3<f64>>, usize),
 }
 
 impl VariableField {
@@ -88,6 +89,10 @@ impl VariableField {
                 let values = world.read::<Matrix3<f64>>(field.into());
                 let components = |tensor: &Matrix3<f64>| COMPONENTS.map(|at| tensor[at]);
                 states.replace(at, values.iter().map(components));
+            }
+            VariableField::Matrix(field, at) => {
+                let values = world.read::<Matrix3<f64>>(field.into());
+                states.replace::<9>(at, values.iter().copied().map(bytemuck::must_cast));
             }
         }
     }
@@ -105,18 +110,23 @@ impl VariableField {
                 let states = values.iter_mut().zip(states.values(at));
                 states.for_each(|(value, state)| *value = symmetric(&state));
             }
+            VariableField::Matrix(field, at) => {
+                let mut values = world.write(field);
+                let states = values.iter_mut().zip(states.values::<9>(at));
+                states.for_each(|(value, state)| *value = Matrix3::from_column_slice(&state));
+            }
         }
     }
 }
 
 /// The state variables of a law.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LawState {
+pub(super) struct LawState<'a> {
     law: &'static str,
-    variables: &'static [StateVariable],
+    variables: &'a [StateVariable],
 }
 
-impl LawState {
+impl<'a> LawState<'a> {
     /// The state variables of the law of flow.
     pub(super) fn of_flow(plasticity: &Plasticity) -> Self {
         LawState {
@@ -126,7 +136,7 @@ impl LawState {
     }
 
     /// The state variables of a law of points.
-    pub(super) fn of_points(points: &LawPoints) -> Self {
+    pub(super) fn of_points(points: &'a LawPoints) -> Self {
         LawState {
             law: points.law_name(),
             variables: points.state_variables(),
@@ -140,28 +150,44 @@ impl LawState {
         body: BodyIndex,
     ) -> Result<Vec<VariableField>, SetupError> {
         let mut at = 0;
-        let mut field = |variable: &StateVariable| {
+        let mut fields = Vec::new();
+        for variable in self.variables {
             let name = format!("{}.{}", self.law, variable.name);
-            let place = at;
+            let unit = || variable.unit.to_string();
+            match variable.shape {
+                VariableShape::Scalar => {
+                    let key = Key::named(name, unit());
+                    fields.push(VariableField::Scalar(setup.own(body, &key)?, at));
+                }
+                VariableShape::Tensor => {
+                    let key = Key::named(name, unit());
+                    fields.push(VariableField::Tensor(setup.own(body, &key)?, at));
+                }
+                VariableShape::Matrix => {
+                    let key = Key::named(name, unit());
+                    fields.push(VariableField::Matrix(setup.own(body, &key)?, at));
+                }
+                VariableShape::Numbers(count) => {
+                    for number in 0..count {
+                        let key = Key::named(format!("{name}_{}", number + 1), unit());
+                        fields.push(VariableField::Scalar(setup.own(body, &key)?, at + number));
+                    }
+                }
+            }
             at += variable.width();
-            let unit = variable.unit.to_string();
-            Ok(match variable.is_tensor {
-                true => VariableField::Tensor(setup.own(body, &Key::named(name, unit))?, place),
-                false => VariableField::Scalar(setup.own(body, &Key::named(name, unit))?, place),
-            })
-        };
-        self.variables.iter().map(&mut field).collect()
+        }
+        Ok(fields)
     }
 }
 
 /// Which optional fields a body has.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Features {
+pub(super) struct Features<'a> {
     pub(super) is_explicit: bool,
     /// The law of flow, if it flows.
-    pub(super) flow: Option<LawState>,
+    pub(super) flow: Option<LawState<'a>>,
     /// The law of elasticity, if it is one of points.
-    pub(super) law: Option<LawState>,
+    pub(super) law: Option<LawState<'a>>,
     pub(super) breaks: bool,
 }
 
@@ -170,7 +196,7 @@ impl Fields {
     pub(super) fn declare(
         setup: &mut Setup<'_>,
         body: BodyIndex,
-        features: Features,
+        features: Features<'_>,
     ) -> Result<Self, SetupError> {
         let Features {
             is_explicit,

@@ -94,7 +94,7 @@ pub(super) fn run(
         eigenstrain_size: 0.0,
         scratch: Default::default(),
         section_forces: vec![[0.0; 3]; keys.sections.len()],
-        logged_energy: features.is_explicit.then(Energy::default),
+        logged_energy: damping.is_some().then(Energy::default),
         extrapolation,
         validity: Validity::new(setup.body(body), !is_finite, features.flow.is_some()),
         state: MechanicalState {

@@ -120,7 +120,7 @@ impl MechanicalRun {
         }
         self.note_loads(world);
         self.load_plasticity(world, temperature.as_deref(), step.size);
-        self.load_law(world, step.size);
+        self.load_law(world, step);
         let is_held_anew = match self.fields.hold {
             Some(hold) => self.stop_held_points(world, hold, step.size),
             None => self.nodes().corners().is_some(),
@@ -230,8 +230,8 @@ impl MechanicalRun {
         self.eigenstrain_size += strains.fold(0.0, f64::max);
     }
 
-    /// Takes the state of a law of points from the fields, for a step (s).
-    fn load_law(&mut self, world: &World, step: f64) {
+    /// Takes the state of a law of points from the fields, for a step.
+    fn load_law(&mut self, world: &World, step: Step) {
         let Some(points) = &mut self.solid.base_mut().law_points else {
             return;
         };

@@ -32,7 +32,7 @@ use perimelt_core::solver::largest_eigenvalue;
 use perimelt_core::{Body, Bond, Family, Image, SlotField};
 use rayon::prelude::*;
 
-use super::base::{ElasticProperties, Properties, SolidBase};
+use super::base::{Properties, SolidBase};
 use super::classical::{COMPONENTS, Point};
 use super::fracture::{BondLoads, Fracture, FractureState, NewBreaks};
 use super::gradient::{FlatFamily, Gradient, RISE};
@@ -89,7 +89,7 @@ impl Correspondence {
         };
         let gradient = Gradient::new(body, &family)?;
         let mut base = SolidBase::new(body, family, constitution, properties);
-        base.law_points = settings.law;
+        base.set_law(settings.law);
         let mut this = Correspondence {
             stabilisation: settings.stabilisation,
             inputs: Inputs::new(&base.family, body.dimension, base.fracture.is_some()),
@@ -101,7 +101,6 @@ impl Correspondence {
         };
         this.load_stabilisation();
         this.load_limits(body, None, true);
-        this.find_steepest();
         Ok(this)
     }
 
@@ -133,10 +132,9 @@ impl Correspondence {
         }
     }
 
-    /// The law of the points, unless it is linear or the point is loose.
+    /// The law of a point, unless it is linear or the point is loose.
     fn law_points_of(&self, point: usize) -> Option<&LawPoints> {
-        let points = self.base.law_points.as_ref();
-        points.filter(|_| !self.gradient.is_loose(point))
+        self.base.law_points_of(&self.gradient, point)
     }
 
     /// The linear law of a point for the given kind of strain.
@@ -146,31 +144,13 @@ impl Correspondence {
 }
 
 impl Correspondence {
-    fn find_steepest(&mut self) {
-        let base = &mut self.base;
-        if let Some(points) = &base.law_points {
-            base.elastic_law = ElasticProperties {
-                is_linear: false,
-                steepest: points.steepest(&base.elastic),
-            };
-        }
-    }
-
     fn set_moduli(&mut self, moduli: PointModuli<'_>) {
-        if let Some(points) = &mut self.base.law_points {
-            match moduli {
-                PointModuli::At(body, temperature) => points.load_constants(body, temperature),
-                // the same in a resumed run, whatever the temperature
-                PointModuli::Stiffest(body) => points.load_constants(body, None),
-            }
-        }
-        let changed = self.base.elastic.set_moduli(moduli);
+        let changed = self.base.set_moduli(moduli);
         if changed {
             self.load_stabilisation();
         }
-        match moduli {
-            PointModuli::At(body, temperature) => self.load_limits(body, temperature, changed),
-            PointModuli::Stiffest(_) => self.find_steepest(),
+        if let PointModuli::At(body, temperature) = moduli {
+            self.load_limits(body, temperature, changed);
         }
     }
 
@@ -209,12 +189,7 @@ impl Correspondence {
     }
 
     fn evaluate_force(&mut self, out: &mut [f64]) {
-        if let Some(plasticity) = &mut self.base.plasticity {
-            plasticity.try_strains(self.base.elastic.strained(&self.gradient));
-        }
-        if let Some(points) = &mut self.base.law_points {
-            points.try_gradients(&self.base.elastic, &self.gradient);
-        }
+        self.base.try_gradients(&self.gradient);
         self.load_force_state(StrainKind::Elastic, self.base.elastic.finite);
         self.sum_forces(out);
         self.add_spring_forces(out);
@@ -298,9 +273,6 @@ impl Solid for Correspondence {
 
     fn linearise(&mut self, damping: f64) {
         self.load_gradient();
-        if let Some(points) = &mut self.base.law_points {
-            points.about.copy_from_slice(&self.gradient.values);
-        }
         self.base.linearise(Some(&self.gradient), damping);
     }
 

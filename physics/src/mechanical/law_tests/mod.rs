@@ -39,7 +39,9 @@ fn energy(solid: &mut dyn Solid, displacement: &[f64]) -> f64 {
 
 /// Forces of a body in disorder are minus the derivative of its energy and, if there is one, the tangent is that of the forces.
 fn check_derivatives(body: &Body, keys: &str, has_tangent: bool) {
-    let components = 3 * body.points.len();
+    let mut solid = solid(body, keys);
+    let solid = &mut *solid;
+    let components = 3 * solid.base().nodes.positions(body).len();
     let in_body = |(i, u): (usize, f64)| if i % 3 < body.dimension { u } else { 0.0 };
     let scattered = |size: f64, seed: f64| -> Vec<f64> {
         let numbers = scattered(components, size, seed).into_iter().enumerate();
@@ -50,8 +52,6 @@ fn check_derivatives(body: &Body, keys: &str, has_tangent: bool) {
         let both = about.iter().zip(&along);
         both.map(|(u, du)| u + factor * du).collect()
     };
-    let mut solid = solid(body, keys);
-    let solid = &mut *solid;
     solid.set_points(PointStates {
         eigenstrain: Some(&self::scattered(body.points.len(), 0.01, 3.0)),
         ..PointStates::default()

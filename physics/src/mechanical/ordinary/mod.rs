@@ -157,7 +157,7 @@ impl<L: BondForce> Ordinary<L> {
 
 impl<L: BondForce> Ordinary<L> {
     fn set_moduli(&mut self, moduli: PointModuli<'_>) {
-        let changed = self.base.elastic.set_moduli(moduli);
+        let changed = self.base.set_moduli(moduli);
         if changed {
             self.load_stiffness();
         }
@@ -181,8 +181,8 @@ impl<L: BondForce> Ordinary<L> {
     /// Evaluates the forces, and with them the trial state of the flow and the loads of bonds.
     fn evaluate_force(&mut self, out: &mut [f64]) {
         self.load_gradient();
-        if let (Some(plasticity), Some(gradient)) = (&mut self.base.plasticity, &self.gradient) {
-            plasticity.try_strains(self.base.elastic.strained(gradient));
+        if let Some(gradient) = &self.gradient {
+            self.base.try_gradients(gradient);
         }
         self.load_inelastic(StrainKind::Elastic);
         self.load_pressure(StrainKind::Elastic, self.base.elastic.finite);

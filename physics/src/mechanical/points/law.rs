@@ -23,6 +23,16 @@ pub struct LawPoint<'a> {
     pub shear_modulus: f64,
     /// Bulk modulus, Pa.
     pub bulk_modulus: f64,
+    /// Finite kinematics.
+    pub finite: bool,
+    /// Its number in the body.
+    pub number: usize,
+    /// Its reference position, m.
+    pub position: [f64; 3],
+    /// Its spacing, m.
+    pub spacing: f64,
+    /// Start of the step, s.
+    pub start: f64,
 }
 
 impl LawPoint<'_> {
@@ -40,6 +50,28 @@ pub enum Measure {
     Strain,
     /// Deformation gradient F, and the first stress of Piola and Kirchhoff. It needs finite kinematics.
     Gradient,
+    /// Small strain and stress; under finite kinematics the deformation gradient F, and the first stress of Piola and Kirchhoff.
+    StrainOrGradient,
+}
+
+impl Measure {
+    /// Whether it is the deformation gradient.
+    pub(super) fn is_gradient(self, finite: bool) -> bool {
+        match self {
+            Measure::Strain => false,
+            Measure::Gradient => true,
+            Measure::StrainOrGradient => finite,
+        }
+    }
+}
+
+/// State variables of a point.
+#[derive(Clone, Copy, Debug)]
+pub struct StepStates<'a> {
+    /// At the start of the step.
+    pub start: &'a [f64],
+    /// At its end.
+    pub end: &'a [f64],
 }
 
 /// The law of the stress of points in three dimensions. Plane stress and bars are found by iteration.
@@ -48,7 +80,7 @@ pub enum Measure {
 pub trait PointLaw: Debug + Send + Sync + serde::Serialize + 'static {
     /// Properties of materials that the law needs besides the elastic ones.
     const CONSTANTS: &'static [Constant] = &[];
-    /// State variables, [`MOST_NUMBERS`] at most.
+    /// State variables.
     const STATE: &'static [StateVariable] = &[];
     /// The strain from which the stress follows.
     const STRAIN: Measure;
@@ -65,6 +97,11 @@ pub trait PointLaw: Debug + Send + Sync + serde::Serialize + 'static {
         Ok(())
     }
 
+    /// State variables, where keys add to [`PointLaw::STATE`].
+    fn state(&self) -> &[StateVariable] {
+        Self::STATE
+    }
+
     /// Advances the state variables from the start of the step to its end, where the point has the strain.
     fn evolve(&self, _point: &LawPoint<'_>, _strain: &Matrix3<f64>, _state: &mut [f64]) {}
 
@@ -74,13 +111,12 @@ pub trait PointLaw: Debug + Send + Sync + serde::Serialize + 'static {
     /// Stored energy at a strain and state, J/m³.
     fn energy(&self, point: &LawPoint<'_>, strain: &Matrix3<f64>, state: &[f64]) -> f64;
 
-    /// Change of the stress with a change of the strain, about the strain and the state at the end of a step; `None` without a
-    /// closed form.
+    /// Change of the stress with a change of the strain, about the strain at the end of a step; `None` without a closed form.
     fn tangent(
         &self,
         _point: &LawPoint<'_>,
         _strain: &Matrix3<f64>,
-        _state: &[f64],
+        _states: StepStates<'_>,
         _change: &Matrix3<f64>,
     ) -> Option<Matrix3<f64>> {
         None
@@ -90,6 +126,3 @@ pub trait PointLaw: Debug + Send + Sync + serde::Serialize + 'static {
     /// stable step of explicit motion follows from it.
     fn steepest(&self, point: &LawPoint<'_>) -> f64;
 }
-
-/// Numbers of the state variables of a law, at most.
-pub const MOST_NUMBERS: usize = 32;

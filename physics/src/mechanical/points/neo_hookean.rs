@@ -10,7 +10,7 @@ use perimelt_core::SetupError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::law::{LawPoint, Measure, PointLaw};
+use super::law::{LawPoint, Measure, PointLaw, StepStates};
 
 /// Compressible rubber (neo-Hookean), by Young's modulus and Poisson's ratio at small strains; needs `kinematics = "finite"`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -57,7 +57,7 @@ impl PointLaw for NeoHookean {
         &self,
         point: &LawPoint<'_>,
         gradient: &Matrix3<f64>,
-        _: &[f64],
+        _: StepStates<'_>,
         change: &Matrix3<f64>,
     ) -> Option<Matrix3<f64>> {
         let (shear, lame) = (point.shear_modulus, point.lame());

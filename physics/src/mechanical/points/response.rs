@@ -4,7 +4,8 @@ use nalgebra::Matrix3;
 use perimelt_core::SetupError;
 use perimelt_core::law::{Constant, StateVariable};
 
-use super::law::{LawPoint, MOST_NUMBERS, Measure, PointLaw};
+use super::law::{LawPoint, Measure, PointLaw, StepStates};
+use super::scratch::with_copy;
 use crate::mechanical::classical::Point;
 use crate::mechanical::plasticity::StressState;
 
@@ -15,8 +16,6 @@ pub struct BodyPoint<'a> {
     pub point: LawPoint<'a>,
     /// The components that the stress of the body has; plane strain has all.
     pub stress_state: StressState,
-    /// Finite kinematics.
-    pub finite: bool,
     /// Isotropic stress-free strain.
     pub eigenstrain: f64,
 }
@@ -27,8 +26,8 @@ pub trait PointResponse: std::fmt::Debug + Send + Sync + erased_serde::Serialize
     /// See [`PointLaw::CONSTANTS`].
     fn constants(&self) -> &'static [Constant];
 
-    /// See [`PointLaw::STATE`].
-    fn state(&self) -> &'static [StateVariable];
+    /// See [`PointLaw::state`].
+    fn state(&self) -> &[StateVariable];
 
     /// See [`PointLaw::STRAIN`].
     fn measure(&self) -> Measure;
@@ -59,12 +58,12 @@ pub trait PointResponse: std::fmt::Debug + Send + Sync + erased_serde::Serialize
     /// Energy density of a complete H, J/m³.
     fn energy(&self, at: &BodyPoint<'_>, gradient: &Matrix3<f64>, state: &[f64]) -> f64;
 
-    /// Change of P with a change of H at the end of a step, from the states at its start and its end.
+    /// Change of P with a change of H at the end of a step.
     fn tangent(
         &self,
         at: &BodyPoint<'_>,
         gradient: &Matrix3<f64>,
-        states: [&[f64]; 2],
+        states: StepStates<'_>,
         change: &Matrix3<f64>,
     ) -> Matrix3<f64>;
 
@@ -76,14 +75,12 @@ impl BodyPoint<'_> {
     /// The strain of a law, without the eigenstrain: the whole strain is the product of both gradients, or the sum of
     /// both strains.
     fn strain(&self, measure: Measure, gradient: &Matrix3<f64>) -> Matrix3<f64> {
-        let e = self.eigenstrain;
-        match measure {
-            Measure::Gradient => (Matrix3::identity() + gradient) / (1.0 + e),
-            Measure::Strain => {
-                let swelling = if self.finite { e * (1.0 + 0.5 * e) } else { e };
-                Point::strain(gradient, self.finite) - Matrix3::identity() * swelling
-            }
+        let (e, finite) = (self.eigenstrain, self.point.finite);
+        if measure.is_gradient(finite) {
+            return (Matrix3::identity() + gradient) / (1.0 + e);
         }
+        let swelling = if finite { e * (1.0 + 0.5 * e) } else { e };
+        Point::strain(gradient, finite) - Matrix3::identity() * swelling
     }
 
     /// P of the stress of a law.
@@ -93,10 +90,10 @@ impl BodyPoint<'_> {
         gradient: &Matrix3<f64>,
         stress: Matrix3<f64>,
     ) -> Matrix3<f64> {
-        match measure {
-            Measure::Gradient => stress / (1.0 + self.eigenstrain),
-            Measure::Strain if self.finite => stress + gradient * stress,
-            Measure::Strain => stress,
+        match (measure.is_gradient(self.point.finite), self.point.finite) {
+            (true, _) => stress / (1.0 + self.eigenstrain),
+            (false, true) => stress + gradient * stress,
+            (false, false) => stress,
         }
     }
 
@@ -149,8 +146,8 @@ impl<L: PointLaw> PointResponse for L {
         L::CONSTANTS
     }
 
-    fn state(&self) -> &'static [StateVariable] {
-        L::STATE
+    fn state(&self) -> &[StateVariable] {
+        PointLaw::state(self)
     }
 
     fn measure(&self) -> Measure {
@@ -173,12 +170,11 @@ impl<L: PointLaw> PointResponse for L {
     ) -> Matrix3<f64> {
         let start = &*state;
         let gradient = at.complete(gradient, |gradient| {
-            let mut scratch = [0.0; MOST_NUMBERS];
-            let end = &mut scratch[..start.len()];
-            end.copy_from_slice(start);
-            PointLaw::evolve(self, &at.point, &at.strain(L::STRAIN, gradient), end);
-            let axis = at.across().unwrap_or(0);
-            PointResponse::piola(self, at, gradient, end)[(axis, axis)]
+            with_copy(start, |end| {
+                PointLaw::evolve(self, &at.point, &at.strain(L::STRAIN, gradient), end);
+                let axis = at.across().unwrap_or(0);
+                PointResponse::piola(self, at, gradient, end)[(axis, axis)]
+            })
         });
         PointLaw::evolve(self, &at.point, &at.strain(L::STRAIN, &gradient), state);
         gradient
@@ -204,11 +200,11 @@ impl<L: PointLaw> PointResponse for L {
         &self,
         at: &BodyPoint<'_>,
         gradient: &Matrix3<f64>,
-        [start, end]: [&[f64]; 2],
+        states: StepStates<'_>,
         change: &Matrix3<f64>,
     ) -> Matrix3<f64> {
         if let (true, None) = (L::HAS_TANGENT, at.across())
-            && let Some(tangent) = closed_tangent(self, at, gradient, end, change)
+            && let Some(tangent) = closed_tangent(self, at, gradient, states, change)
         {
             return tangent;
         }
@@ -220,12 +216,11 @@ impl<L: PointLaw> PointResponse for L {
         }
         let step = STEP / size;
         let [up, down] = [step, -step].map(|factor| {
-            let mut scratch = [0.0; MOST_NUMBERS];
-            let state = &mut scratch[..start.len()];
-            state.copy_from_slice(start);
-            let gradient = gradient + change * factor;
-            let gradient = PointResponse::evolve(self, at, &gradient, state);
-            PointResponse::piola(self, at, &gradient, state)
+            with_copy(states.start, |state| {
+                let gradient = gradient + change * factor;
+                let gradient = PointResponse::evolve(self, at, &gradient, state);
+                PointResponse::piola(self, at, &gradient, state)
+            })
         });
         (up - down) / (2.0 * step)
     }
@@ -240,22 +235,23 @@ fn closed_tangent<L: PointLaw>(
     law: &L,
     at: &BodyPoint<'_>,
     gradient: &Matrix3<f64>,
-    state: &[f64],
+    states: StepStates<'_>,
     change: &Matrix3<f64>,
 ) -> Option<Matrix3<f64>> {
-    let strain = at.strain(L::STRAIN, gradient);
-    let rate = match (L::STRAIN, at.finite) {
-        (Measure::Gradient, _) => change / (1.0 + at.eigenstrain),
-        (Measure::Strain, true) => {
+    let (strain, finite) = (at.strain(L::STRAIN, gradient), at.point.finite);
+    let is_gradient = L::STRAIN.is_gradient(finite);
+    let rate = match (is_gradient, finite) {
+        (true, _) => change / (1.0 + at.eigenstrain),
+        (false, true) => {
             let turned = (Matrix3::identity() + gradient).transpose() * change;
             0.5 * (turned + turned.transpose())
         }
-        (Measure::Strain, false) => 0.5 * (change + change.transpose()),
+        (false, false) => 0.5 * (change + change.transpose()),
     };
-    let tangent = law.tangent(&at.point, &strain, state, &rate)?;
+    let tangent = law.tangent(&at.point, &strain, states, &rate)?;
     let along = at.piola(L::STRAIN, gradient, tangent);
-    Some(match (L::STRAIN, at.finite) {
-        (Measure::Strain, true) => along + change * law.stress(&at.point, &strain, state),
-        _ => along,
+    Some(match !is_gradient && finite {
+        true => along + change * law.stress(&at.point, &strain, states.end),
+        false => along,
     })
 }

@@ -1,12 +1,13 @@
 //! The points of a body with their law and state.
 
 use nalgebra::Matrix3;
-use perimelt_core::Body;
-use perimelt_core::law::{Constants, StateVariable};
+use perimelt_core::law::{Constants, StateVariable, VariableShape};
+use perimelt_core::{Body, Step};
 use rayon::prelude::*;
 
-use super::law::LawPoint;
+use super::law::{LawPoint, StepStates};
 use super::response::{BodyPoint, PointResponse};
+use super::scratch::with_copy;
 use crate::mechanical::classical::COMPONENTS;
 use crate::mechanical::elastic::ElasticPoints;
 use crate::mechanical::gradient::Gradient;
@@ -23,8 +24,10 @@ pub(in crate::mechanical) struct LawPoints {
     values: Vec<f64>,
     /// K, by point; empty in a body without temperature.
     temperature: Vec<f64>,
-    /// Size of the step, s.
-    pub(in crate::mechanical) step: f64,
+    /// Reference position (m) and spacing (m), by point.
+    places: Vec<([f64; 3], f64)>,
+    /// The step.
+    pub(in crate::mechanical) step: Step,
     pub(in crate::mechanical) states: VariableStates,
     /// Gradients of the displacement that was linearised.
     pub(in crate::mechanical) about: Vec<Matrix3<f64>>,
@@ -50,10 +53,13 @@ impl LawPoints {
         body: &Body,
     ) -> Self {
         let points = body.points.len();
+        let positions = body.points.position.iter().map(|x| (*x).into());
+        let places = positions.zip(body.points.spacing.iter().copied());
         let mut this = LawPoints {
             values: vec![0.0; points * law.constants().len()],
             temperature: Vec::new(),
-            step: 0.0,
+            places: places.collect(),
+            step: Step::new(0.0, 0.0),
             states: VariableStates::new(points, StateVariable::width_of(law.state())),
             about: vec![Matrix3::zeros(); points],
             law,
@@ -70,7 +76,7 @@ impl LawPoints {
     }
 
     /// State variables of the law.
-    pub(in crate::mechanical) fn state_variables(&self) -> &'static [StateVariable] {
+    pub(in crate::mechanical) fn state_variables(&self) -> &[StateVariable] {
         self.law.state()
     }
 
@@ -101,16 +107,21 @@ impl LawPoints {
     fn at(&self, elastic: &ElasticPoints, point: usize) -> BodyPoint<'_> {
         let (moduli, stress_state) = (elastic.moduli(point), elastic.stress_state());
         let count = self.law.constants().len();
+        let (position, spacing) = self.places[point];
         BodyPoint {
             point: LawPoint {
                 constants: &self.values[point * count..][..count],
                 temperature: self.temperature.get(point).copied(),
-                step: self.step,
+                start: self.step.start,
+                step: self.step.size,
                 shear_modulus: moduli.shear,
                 bulk_modulus: bulk_modulus(stress_state, &moduli),
+                finite: elastic.finite,
+                number: point,
+                position,
+                spacing,
             },
             stress_state,
-            finite: elastic.finite,
             eigenstrain: elastic.eigenstrain[point] / moduli.swelling,
         }
     }
@@ -143,38 +154,40 @@ impl LawPoints {
         self.states = states;
     }
 
-    /// State variables of an image in a layer: tensors are mirrored.
-    fn mirrored<'a>(
+    /// Calls `use_state` with the state variables of an image in a layer: tensors are mirrored.
+    fn with_mirrored<R>(
         &self,
-        state: &'a [f64],
+        state: &[f64],
         mirror: [f64; 3],
-        scratch: &'a mut [f64; super::MOST_NUMBERS],
-    ) -> &'a [f64] {
+        use_state: impl FnOnce(&[f64]) -> R,
+    ) -> R {
         if mirror == [1.0; 3] {
-            return state;
+            return use_state(state);
         }
-        let image = &mut scratch[..state.len()];
-        image.copy_from_slice(state);
-        let mut first = 0;
-        for variable in self.law.state() {
-            if variable.is_tensor {
-                let tensor = image[first..first + 6].iter_mut();
-                tensor
-                    .zip(COMPONENTS)
-                    .for_each(|(value, (a, b))| *value *= mirror[a] * mirror[b]);
+        with_copy(state, |image| {
+            let mut rest = &mut image[..];
+            for variable in self.law.state() {
+                let (own, others) = rest.split_at_mut(variable.width());
+                let sign = |(a, b): (usize, usize)| mirror[a] * mirror[b];
+                let values = own.iter_mut().enumerate();
+                match variable.shape {
+                    VariableShape::Tensor => values.for_each(|(c, v)| *v *= sign(COMPONENTS[c])),
+                    VariableShape::Matrix => values.for_each(|(c, v)| *v *= sign((c % 3, c / 3))),
+                    VariableShape::Scalar | VariableShape::Numbers(_) => {}
+                }
+                rest = others;
             }
-            first += variable.width();
-        }
-        image
+            use_state(image)
+        })
     }
 
     /// P at the trial state, Pa.
     pub(in crate::mechanical) fn piola(&self, elastic: &ElasticPoints, at: At<'_>) -> Matrix3<f64> {
-        let mut scratch = [0.0; super::MOST_NUMBERS];
-        let state = self.mirrored(self.states.tried(at.point), at.mirror, &mut scratch);
         let point = self.at(elastic, at.point);
-        let gradient = self.law.complete(&point, at.gradient, state);
-        self.law.piola(&point, &gradient, state)
+        self.with_mirrored(self.states.tried(at.point), at.mirror, |state| {
+            let gradient = self.law.complete(&point, at.gradient, state);
+            self.law.piola(&point, &gradient, state)
+        })
     }
 
     /// Change of P with a change of H, from the state at the start of the step, Pa.
@@ -184,12 +197,13 @@ impl LawPoints {
         at: At<'_>,
         change: &Matrix3<f64>,
     ) -> Matrix3<f64> {
-        let mut scratches = [[0.0; super::MOST_NUMBERS]; 2];
-        let [start, end] = &mut scratches;
-        let start = self.mirrored(self.states.settled(at.point), at.mirror, start);
-        let end = self.mirrored(self.states.tried(at.point), at.mirror, end);
         let point = self.at(elastic, at.point);
-        (self.law).tangent(&point, at.gradient, [start, end], change)
+        self.with_mirrored(self.states.settled(at.point), at.mirror, |start| {
+            self.with_mirrored(self.states.tried(at.point), at.mirror, |end| {
+                let states = StepStates { start, end };
+                self.law.tangent(&point, at.gradient, states, change)
+            })
+        })
     }
 
     /// Stress in space at the trial state as xx, yy, zz, xy, yz, zx, Pa.

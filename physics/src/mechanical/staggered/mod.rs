@@ -42,6 +42,7 @@ use super::classical::Point;
 use super::gradient::Gradient;
 use super::moduli::Moduli;
 use super::nodes::Nodes;
+use super::points::{At, LawPoints};
 use super::solid::{Constitution, EnergyKind, StrainKind};
 use kernels::{
     Amplitudes, Cell, CellState, Elastic, MODES, amplitudes, gather, mode_at, modes, sums,
@@ -102,12 +103,13 @@ pub struct Staggered<const D: usize> {
 }
 
 impl<const D: usize> Staggered<D> {
-    /// The solid of a body on a lattice.
-    pub fn new(
+    /// The solid of a body on a lattice, whose points follow a law or the linear one.
+    pub(super) fn new(
         body: &Body,
         lattice: &Lattice,
         constitution: Constitution,
         springs: Springs,
+        law: Option<LawPoints>,
     ) -> Self {
         let properties = Properties {
             bonds_shear: true,
@@ -119,6 +121,7 @@ impl<const D: usize> Staggered<D> {
         let mut base = SolidBase::new(body, Arc::new(Family::default()), constitution, properties);
         base.horizons.fill(lattice.spacing);
         base.nodes = Nodes::Corners(corners.clone());
+        base.set_law(law);
         let behind = |point: usize, face: Face| {
             let other = body.neighbour(point, face)?;
             let material = &body.material_of_point;
@@ -291,10 +294,27 @@ impl<const D: usize> Staggered<D> {
         let points = states.par_iter_mut().enumerate().with_min_len(CHUNK);
         points.for_each(|(i, state)| {
             let gradient = &self.gradient.values[i];
-            let stress = self.point(i, strain).piola(gradient, false);
+            let stress = match self.base.law_points_of(&self.gradient, i) {
+                Some(points) => self.stress_by(points, i, strain),
+                None => self.point(i, strain).piola(gradient, false),
+            };
             state.slope = self.cell.slope(gradient, &stress, self.spring[i]);
         });
         self.states = states;
+    }
+
+    /// Stress of a point by its law, or the change of it.
+    fn stress_by(&self, points: &LawPoints, point: usize, strain: StrainKind) -> Matrix3<f64> {
+        let (gradient, elastic) = (&self.gradient.values[point], &self.base.elastic);
+        let at = |gradient| At {
+            point,
+            mirror: [1.0; 3],
+            gradient,
+        };
+        match strain {
+            StrainKind::Change => points.tangent(elastic, at(&points.about[point]), gradient),
+            StrainKind::Elastic | StrainKind::Total => points.piola(elastic, at(gradient)),
+        }
     }
 
     /// Loads the states of the cells by the elastic stiffness.
@@ -365,9 +385,7 @@ impl<const D: usize> Staggered<D> {
 
     /// Loads the states of cells under the displacement, with the flow that follows from it.
     fn load_force_states(&mut self) {
-        if let Some(plasticity) = &mut self.base.plasticity {
-            plasticity.try_strains(self.base.elastic.strained(&self.gradient));
-        }
+        self.base.try_gradients(&self.gradient);
         self.load_states(StrainKind::Elastic);
     }
 
@@ -375,8 +393,13 @@ impl<const D: usize> Staggered<D> {
         let mut tensors = std::mem::take(&mut self.base.tensors);
         let points = tensors.par_iter_mut().enumerate();
         points.for_each(|(i, tensor)| {
+            let gradient = &self.gradient.values[i];
+            if let Some(points) = self.base.law_points_of(&self.gradient, i) {
+                *tensor = points.spatial_stress(&self.base.elastic, i, gradient);
+                return;
+            }
             let point = self.point(i, StrainKind::Elastic);
-            let stress = point.piola(&self.gradient.values[i], false);
+            let stress = point.piola(gradient, false);
             *tensor = point.components(&stress, self.base.elastic.is_plane_strain());
         });
         self.base.tensors = tensors;
@@ -401,12 +424,21 @@ impl<const D: usize> Staggered<D> {
         points.for_each(|(i, energy)| {
             let gradient = &self.gradient.values[i];
             let modes = self.energy_of_modes(i, kind);
-            *energy = match kind {
-                EnergyKind::Elastic => {
+            let elastic = &self.base.elastic;
+            let law = self.base.law_points_of(&self.gradient, i);
+            *energy = match (kind, law) {
+                (EnergyKind::Elastic, Some(points)) => {
+                    [points.energy(elastic, i, gradient) + modes, 0.0]
+                }
+                (EnergyKind::Total, Some(points)) => {
+                    let [density, conjugate] = points.total_energy(elastic, i, gradient);
+                    [density + modes, conjugate]
+                }
+                (EnergyKind::Elastic, None) => {
                     let point = self.point(i, StrainKind::Elastic);
                     [point.energy_of(&point.piola(gradient, false)) + modes, 0.0]
                 }
-                EnergyKind::Total => {
+                (EnergyKind::Total, None) => {
                     let point = self.point(i, StrainKind::Total);
                     let [density, conjugate] = self.base.total_energy(i, &point, gradient);
                     [density + modes, conjugate]

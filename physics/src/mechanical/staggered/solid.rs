@@ -9,7 +9,7 @@ use super::super::classical::COMPONENTS;
 use super::super::fracture::{FractureState, NewBreaks};
 use super::super::moduli::Moduli;
 use super::super::solid::{
-    Evaluated, PointStates, Solid, Stiffness, StressFreeStrain, StressKind, Wanted,
+    Evaluated, PointStates, Solid, Stiffness, StrainKind, StressFreeStrain, StressKind, Wanted,
 };
 use super::corners::sign;
 use super::kernels::{Amplitudes, CellState, Elastic, amplitudes, mode_at, modes};
@@ -35,7 +35,7 @@ impl<const D: usize> Solid for Staggered<D> {
             self.set_present(present);
         }
         if let Some(moduli) = moduli
-            && self.base.elastic.set_moduli(moduli)
+            && self.base.set_moduli(moduli)
         {
             self.load_springs();
         }
@@ -91,9 +91,16 @@ impl<const D: usize> Solid for Staggered<D> {
     }
 
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {
-        self.load_elastic_states();
-        if kind == Stiffness::Tangent {
-            self.subtract_flow();
+        match kind {
+            Stiffness::Tangent if self.base.law_points.is_some() => {
+                self.load_gradient();
+                self.load_states(StrainKind::Change);
+            }
+            Stiffness::Tangent => {
+                self.load_elastic_states();
+                self.subtract_flow();
+            }
+            Stiffness::Elastic => self.load_elastic_states(),
         }
         self.gather(1.0, false, out);
     }
