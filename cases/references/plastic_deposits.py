@@ -22,8 +22,8 @@ Squares or bricks with the mean dilatation of each element ([Hughes1980]; not in
 consistent tangent, Newton's method. `hot_layers`, `hot_spot` and `weld` take the time steps of the case files: what metal
 that cools has yielded depends on them to first order. Prints the hydrostatic stress and one component in MPa as means over boxes of 1 mm:
 from below in the second column from the plane of symmetry, in the first for `hot_spot`, in the one in the middle for
-`wall`; across the middle of the `weld`. Elements of 0.5 mm take seconds, for `wall` and `weld` some minutes. Needs
-NumPy and SciPy.
+`wall`; across the middle of the `weld`; and the displacements along the upper row of the base. Elements of 0.5 mm take
+seconds, for `wall` and `weld` some minutes. Needs NumPy and SciPy.
 """
 
 import sys
@@ -409,12 +409,14 @@ def weld(h: float) -> Body:
 
 
 class Job(NamedTuple):
-    """A computation, and what is printed: the stress along `stress`, by boxes along `line` at a place of the others."""
+    """A computation, and what is printed: the stress along `stress`, by boxes along `line` at a place of the others, and the
+    displacement of the boxes along x at height `row`."""
 
     compute: Callable[[float], Body]
     place: tuple[int, ...]
     line: int
     stress: int
+    row: int
 
 
 def rows(body: Body, job: Job) -> tuple[Array, Array]:
@@ -430,14 +432,37 @@ def rows(body: Body, job: Job) -> tuple[Array, Array]:
     return pressure, stress
 
 
+def displacement(body: Body, job: Job) -> Array:
+    """Mean displacements of boxes of 1 mm along x, um."""
+    box = np.floor(body.center / MM + 1e-9).astype(int)
+    inside = (box[:, -1] == job.row) & (box[:, 1:-1] == 0).all(1)
+    moved = body.displacement.reshape(body.position.shape)[body.nodes].mean(1) * 1e6
+    return np.array([moved[inside & (box[:, 0] == x)].mean(0) for x in np.unique(box[inside, 0])])
+
+
+def alternation(body: Body) -> float:
+    """A quarter of the second difference of the hydrostatic stress from box to box of 1 mm, root of the mean square, MPa."""
+    box = np.floor(body.center / MM + 1e-9).astype(int)
+    pressure = body.stress.mean(1) @ NORMAL / 3e6
+    places, number = np.unique(box, axis=0, return_inverse=True)
+    mean = np.bincount(number.ravel(), pressure) / np.bincount(number.ravel())
+    value = dict(zip(map(tuple, places), mean, strict=True))
+    steps = np.eye(box.shape[1], dtype=int)
+    ends = (
+        (place, value.get(tuple(place - step)), value.get(tuple(place + step))) for place in places for step in steps
+    )
+    found = [(a - 2 * value[tuple(x)] + b) / 4 for x, a, b in ends if a is not None and b is not None]
+    return float(np.sqrt(np.mean(np.square(found))))
+
+
 JOBS = {
-    "ramp": Job(ramp, (1,), 1, 0),
-    "layers": Job(lambda h: cold(h, by_columns=False), (1,), 1, 0),
-    "columns": Job(lambda h: cold(h, by_columns=True), (1,), 1, 0),
-    "hot_layers": Job(hot_layers, (1,), 1, 0),
-    "hot_spot": Job(hot_spot, (0,), 1, 0),
-    "wall": Job(wall, (8, 0), 2, 2),
-    "weld": Job(weld, (0,), 0, 1),
+    "ramp": Job(ramp, (1,), 1, 0, 7),
+    "layers": Job(lambda h: cold(h, by_columns=False), (1,), 1, 0, 7),
+    "columns": Job(lambda h: cold(h, by_columns=True), (1,), 1, 0, 7),
+    "hot_layers": Job(hot_layers, (1,), 1, 0, 7),
+    "hot_spot": Job(hot_spot, (0,), 1, 0, 9),
+    "wall": Job(wall, (8, 0), 2, 2, 3),
+    "weld": Job(weld, (0,), 0, 1, 39),
 }
 
 
@@ -450,6 +475,9 @@ def main(name: str = "ramp", size: str = "0.5") -> None:
     print(f"{name}, elements of {size} mm: hydrostatic stress {of_elements.min():.0f} to {of_elements.max():.0f} MPa")
     print(f"along {'xyz'[job.line]}, hydrostatic stress in MPa:", *(f"{value:.0f}" for value in pressure))
     print(f"along {'xyz'[job.line]}, stress {'xyz'[job.stress] * 2} in MPa:  ", *(f"{value:.0f}" for value in stress))
+    for axis, moved in zip("xyz", displacement(body, job).T, strict=False):
+        print(f"along x, displacement {axis} in um:", *(f"{value:.2f}" for value in moved))
+    print(f"alternation of the hydrostatic stress from box to box in MPa: {alternation(body):.1f}")
     print(f"largest equivalent plastic strain: {body.equivalent.max():.5f}")
 
 

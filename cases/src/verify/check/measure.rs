@@ -34,6 +34,8 @@ pub enum Measure {
     Place(PlaceMeasure),
     /// Deviation of a field from a formula.
     Deviation(DeviationMeasure),
+    /// How far a field alternates from row to row of a lattice.
+    Alternation(AlternationMeasure),
     /// Extent of the region above an isotherm, m.
     MeltPool(MeltPoolMeasure),
     /// The largest relative error of a balance over all logged states.
@@ -254,7 +256,7 @@ pub enum Extreme {
 }
 
 flattened! {
-    /// Deviation of a field from a formula, relative to the formula.
+    /// Deviation of a field from a formula: its norm over that of the formula.
     #[derive(Clone, Debug, PartialEq)]
     pub struct DeviationMeasure {
         ..target: FieldKeys,
@@ -270,14 +272,30 @@ flattened! {
     }
 }
 
-/// Norm of the deviations at all points.
+flattened! {
+    /// Alternation of a field from row to row: a quarter of its second difference `f(-h) - 2 f(0) + f(h)` along each axis, at all
+    /// points of a region between two others with material.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct AlternationMeasure {
+        ..target: FieldKeys,
+        ..times: Times,
+        /// Region; the whole body when left out.
+        #[serde(default)]
+        pub region: Option<String>,
+        /// Norm over points and axes.
+        #[serde(default)]
+        pub norm: Norm,
+    }
+}
+
+/// Norm over many points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Norm {
-    /// Root of the sum of squares, over that of the formula.
+    /// Root of the mean square.
     #[default]
     L2,
-    /// Largest, over the largest of the formula.
+    /// Largest by size.
     Largest,
 }
 

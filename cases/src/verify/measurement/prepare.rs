@@ -1,7 +1,7 @@
 //! Bodies, fields and points that a `measure` key names.
 
 use nalgebra::Vector3;
-use perimelt_core::{Body, SetupError, Simulation};
+use perimelt_core::{Body, Face, SetupError, Simulation};
 
 use super::sample::Sampler;
 use crate::component::Component;
@@ -10,9 +10,9 @@ use crate::probe::interpolation::{Interpolation, Weights};
 use crate::probe::{Probe, find_field, points_of};
 use crate::probe::{ProbeKind, ProbeSection, RegionProbe, Statistic};
 use crate::verify::check::{
-    BalanceMeasure, CrossingMeasure, DeviationMeasure, FieldMeasure, HistoryMeasure, Measure,
-    MeltPoolMeasure, OnsetMeasure, OverTime, PassingMeasure, PlaceMeasure, ReportMeasure,
-    StatisticMeasure, Times, TipMeasure,
+    AlternationMeasure, BalanceMeasure, CrossingMeasure, DeviationMeasure, FieldMeasure,
+    HistoryMeasure, Measure, MeltPoolMeasure, OnsetMeasure, OverTime, PassingMeasure, PlaceMeasure,
+    ReportMeasure, StatisticMeasure, Times, TipMeasure,
 };
 
 /// Times of a measurement, and the reduction of its values.
@@ -88,6 +88,7 @@ pub(super) fn sampler(
         Measure::Statistic(m) => (statistic(m, simulation)?, Some(&m.times)),
         Measure::Place(m) => (place(m, simulation)?, Some(&m.times)),
         Measure::Deviation(m) => (deviation(m, simulation)?, Some(&m.times)),
+        Measure::Alternation(m) => (alternation(m, simulation)?, Some(&m.times)),
         Measure::MeltPool(m) => (melt_pool(m, simulation)?, Some(&m.times)),
         Measure::Balance(m) => (balance(m, simulation)?, None),
         Measure::Passes => (Sampler::Passes, None),
@@ -253,6 +254,39 @@ fn deviation(m: &DeviationMeasure, simulation: &Simulation) -> Result<Sampler, S
             "measure.deviation.region",
         )?,
         section: m.clone(),
+    })
+}
+
+fn alternation(m: &AlternationMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    let found = Found::new(
+        simulation,
+        &m.target.body,
+        &m.target.field,
+        "measure.alternation.field",
+    )?;
+    let (body, region) = (found.points(), m.region.as_deref());
+    let world = simulation.world();
+    let points = points_of(world, found.body, region, "measure.alternation.region")?;
+    let lower = Face::ALL.into_iter().filter(|face| !face.is_upper());
+    let rows = lower.flat_map(|face| {
+        let neighbours = move |point| {
+            let before = body.neighbour(point, face)?;
+            Some([before, point, body.neighbour(point, face.opposite())?])
+        };
+        let points = points.iter().map(|&point| point as usize);
+        points.filter_map(neighbours)
+    });
+    let rows: Vec<[usize; 3]> = rows.collect();
+    if rows.is_empty() {
+        let message = format!("no row of three points of body `{}` lies there", body.name);
+        let expected = "a region with three points in a row";
+        let key = "measure.alternation.region";
+        return Err(SetupError::value(key, message, expected));
+    }
+    Ok(Sampler::Alternation {
+        component: found.component(m.target.component.as_deref())?,
+        rows,
+        norm: m.norm,
     })
 }
 

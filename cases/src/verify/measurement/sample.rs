@@ -69,6 +69,11 @@ pub(super) enum Sampler {
         points: Vec<u32>,
         section: DeviationMeasure,
     },
+    Alternation {
+        component: Component,
+        rows: Vec<[usize; 3]>,
+        norm: Norm,
+    },
     MeltPool {
         temperature: FieldIndex,
         gauge: MeltPoolGauge,
@@ -185,6 +190,11 @@ impl Sampler {
                 points,
                 section,
             } => vec![deviation(simulation, *component, points, section)],
+            Sampler::Alternation {
+                component,
+                rows,
+                norm,
+            } => vec![alternation(world, *component, rows, *norm)],
             Sampler::MeltPool {
                 temperature,
                 gauge,
@@ -320,20 +330,33 @@ fn nearest(world: &World, body: usize) -> f64 {
     nearest.sqrt() / spacing
 }
 
-/// Norm of (difference, expected value) pairs.
+/// Norm of the differences over that of the expected values, from pairs of them.
 fn relative_norm(pairs: impl Iterator<Item = (f64, f64)> + Clone, norm: Norm) -> f64 {
-    match norm {
-        Norm::L2 => {
-            let [error, size] = pairs
-                .fold([0.0; 2], |[e, s], (d, x)| [e + d * d, s + x * x])
-                .map(f64::sqrt);
-            error / size
-        }
-        Norm::Largest => {
-            let error = largest(pairs.clone().map(|(d, _)| d.abs()));
-            error / largest(pairs.map(|(_, x)| x.abs()))
+    norm.of(pairs.clone().map(|(d, _)| d)) / norm.of(pairs.map(|(_, x)| x))
+}
+
+impl Norm {
+    /// The norm of numbers; NaN if one of them is NaN or there are none.
+    fn of(self, numbers: impl Iterator<Item = f64>) -> f64 {
+        match self {
+            Norm::L2 => {
+                let (number, squares) = numbers.fold((0, 0.0), |(n, s), x| (n + 1, s + x * x));
+                (squares / f64::from(number)).sqrt()
+            }
+            Norm::Largest => largest(numbers.map(f64::abs)),
         }
     }
+}
+
+/// Alternation of a component over rows of three neighbours, of those that have material.
+fn alternation(world: &World, component: Component, rows: &[[usize; 3]], norm: Norm) -> f64 {
+    let activity = component.activity(world);
+    let is_present = |point: &usize| activity.as_ref().is_none_or(|a| is_active(a[*point]));
+    let rows = rows.iter().filter(|row| row.iter().all(is_present));
+    norm.of(rows.map(|row| {
+        let [before, here, behind] = row.map(|point| component.at(world, point));
+        0.25 * (before - 2.0 * here + behind)
+    }))
 }
 
 /// The larger of the present relative error of a balance and `before`; NaN if one of them is NaN.

@@ -216,7 +216,7 @@ fn creep_relaxes_a_bar() {
                 Radial::from(read::<Norton>("")),
                 StressState::Uniaxial,
                 [150e9, 0.3],
-                &[2e-46, 5.0, 0.0],
+                &[2e-46, 5.0, 0.0, f64::INFINITY, 0.0],
             )
         };
         // steps that grow with time
@@ -241,11 +241,32 @@ fn creep_relaxes_a_bar() {
     }
 }
 
+/// A bar that is drawn beyond its yield stress at once, and then held, relaxes from the stress at which it has yielded.
+#[test]
+fn metal_that_creeps_yields_too() {
+    let (modulus, yielding, hardening) = (150e9, 200e6, 2e9);
+    let constants = [2e-46, 5.0, 0.0, yielding, hardening];
+    let law = Radial::from(read::<Norton>(""));
+    let mut bar = Specimen::new(law, StressState::Uniaxial, [modulus, 0.3], &constants);
+    bar.step = 1e-6;
+    let start = bar.strain_to(along_x(0.01))[0];
+    let beyond = 0.01 - yielding / modulus;
+    let expected = yielding + modulus * hardening / (modulus + hardening) * beyond;
+    close(start, expected, 1e-6);
+    bar.step = 0.05;
+    for _ in 0..2000 {
+        bar.strain_to(along_x(0.01));
+    }
+    let left = bar.strain_to(along_x(0.01))[0];
+    let relaxed = start.powi(-4) + 4.0 * modulus * 2e-46 * 2001.0 * 0.05;
+    close(left, relaxed.powf(-0.25), 2e-3);
+}
+
 /// Primary creep under a constant stress follows `p = ((1 + m) A q^n t)^(1/(1+m))`.
 #[test]
 fn strain_hardening_slows_creep() {
     use super::law::FlowStressLaw;
-    let (law, constants) = (read::<Norton>(""), [1e-30, 3.0, 2.0]);
+    let (law, constants) = (read::<Norton>(""), [1e-30, 3.0, 2.0, f64::INFINITY, 0.0]);
     let q: f64 = 1e8;
     let bar = Specimen::new(
         Radial::from(law.clone()),
@@ -413,7 +434,7 @@ fn laws_are_objective_with_exact_tangents_and_work() {
                 Radial::from(read::<Norton>("")),
                 full,
                 STEEL,
-                &[1e-28, 3.0, 0.2],
+                &[1e-28, 3.0, 0.2, f64::INFINITY, 0.0],
             )
         },
         true,

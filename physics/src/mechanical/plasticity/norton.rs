@@ -2,6 +2,9 @@
 //!
 //! Inverted, and with the rate over the step, it is a flow stress: `q = (dp (p + dp)^m / (A dt))^(1/n)`. The step is
 //! implicit: stresses relax without limit on the step, with an error in proportion to it.
+//!
+//! Metal with a yield stress flows at once where it reaches it. Creep and plastic flow are in series under one stress, so
+//! that the flow stress is the smaller of both.
 
 use perimelt_core::law::Constant;
 use perimelt_core::material::ValueRange;
@@ -10,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::law::{EquivalentStrain, FlowPoint, FlowStressLaw};
 
-/// Creep by a power of the stress, with strain hardening.
+/// Creep by a power of the stress, with strain hardening, and plastic flow at the yield stress, if the metal has one.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Norton {}
@@ -24,19 +27,23 @@ impl FlowStressLaw for Norton {
         Constant::required("creep_coefficient"),
         Constant::required("creep_exponent"),
         Constant::or("creep_hardening_exponent", 0.0),
+        Constant::or("yield_stress", f64::INFINITY),
+        Constant::or("hardening_modulus", 0.0),
     ];
 
     #[inline(always)]
     fn flow_stress(&self, point: &FlowPoint<'_>, strain: EquivalentStrain) -> f64 {
-        let [coefficient, exponent, hardening] = [0, 1, 2].map(|i| point.constants[i]);
-        let rate = strain.increment / point.step;
-        (rate * strain.end.powf(hardening) / coefficient).powf(1.0 / exponent)
+        creep_stress(point, strain).min(yield_stress(point, strain))
     }
 
     fn hardening(&self, point: &FlowPoint<'_>, strain: EquivalentStrain) -> f64 {
-        let [_, exponent, hardening] = [0, 1, 2].map(|i| point.constants[i]);
+        let [_, exponent, hardening, _, slope] = constants(point);
+        let creep = creep_stress(point, strain);
+        if creep > yield_stress(point, strain) {
+            return slope;
+        }
         let relative = 1.0 / strain.increment + hardening / strain.end;
-        self.flow_stress(point, strain) * relative / exponent
+        creep * relative / exponent
     }
 
     /// The stress that creeps by 1e-3 in the step.
@@ -47,6 +54,25 @@ impl FlowStressLaw for Norton {
         };
         self.flow_stress(point, strain)
     }
+}
+
+fn constants(point: &FlowPoint<'_>) -> [f64; 5] {
+    [0, 1, 2, 3, 4].map(|i| point.constants[i])
+}
+
+/// Stress at which creep alone makes the increment of strain, Pa.
+#[inline(always)]
+fn creep_stress(point: &FlowPoint<'_>, strain: EquivalentStrain) -> f64 {
+    let [coefficient, exponent, hardening, ..] = constants(point);
+    let rate = strain.increment / point.step;
+    (rate * strain.end.powf(hardening) / coefficient).powf(1.0 / exponent)
+}
+
+/// Stress at which the metal yields at the end of the step, Pa.
+#[inline(always)]
+fn yield_stress(point: &FlowPoint<'_>, strain: EquivalentStrain) -> f64 {
+    let [.., start, slope] = constants(point);
+    start + slope * strain.end
 }
 
 crate::register_flow_stress_law!("norton", Norton);

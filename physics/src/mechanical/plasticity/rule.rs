@@ -75,7 +75,7 @@ pub(super) fn flow_of<R: FlowRule>(
     Some(Flow { strain, ..rest })
 }
 
-const FORMULATIONS: (&str, &str) = ("formulations", "ordinary, correspondence");
+const FORMULATIONS: (&str, &str) = ("formulations", "ordinary, correspondence, staggered");
 
 /// A law of flow along the deviator.
 #[derive(Debug, Serialize)]
