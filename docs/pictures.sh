@@ -75,6 +75,8 @@ residual=cases/welding/residual_stress.toml
 plotted residual_stress.png $residual plate-stress.xx-120s.png --field stress.xx --at 120 --deform 50 --width 900
 plotted residual_distortion.png $residual plate-displacement.z-120s.png --field displacement.z --at 120 --deform 50 --width 900
 
+plotted deposited_fillet.png cases/welding/deposited_fillet.toml joint-stress.xx-120s.png --field stress.xx --at 120 --section x=0.03 --deform 10 --width 900
+
 plotted haz_hardness.png cases/welding/haz_hardness.toml plate-hardness-60s.png --field hardness --at 60
 
 plotted single_track_temperature.png cases/additive/single_track.toml block-temperature-0.55ms.png --field temperature --at 5.5e-4

@@ -56,6 +56,7 @@ pub(super) fn run(
     let constitution = constitution(keys, flow, setup, body, &family)?;
     let is_finite = constitution.finite;
     let damping = keys.solver.damping();
+    let is_plastic = constitution.plasticity.is_some();
     let mut features = Features {
         is_explicit: damping.is_some(),
         flow: constitution.plasticity.as_ref().map(LawState::of_flow),
@@ -96,7 +97,7 @@ pub(super) fn run(
         section_forces: vec![[0.0; 3]; keys.sections.len()],
         logged_energy: damping.is_some().then(Energy::default),
         extrapolation,
-        validity: Validity::new(setup.body(body), !is_finite, features.flow.is_some()),
+        validity: Validity::new(setup.body(body), !is_finite, is_plastic),
         state: MechanicalState {
             verlet: Verlet::new(damping.unwrap_or(0.0)),
             ..MechanicalState::default()
