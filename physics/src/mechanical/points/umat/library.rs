@@ -1,6 +1,7 @@
 //! A subroutine in its shared library.
 
 use std::error::Error;
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 use libloading::Library;
@@ -63,7 +64,8 @@ impl Subroutine {
             let cause = error.source().map(ToString::to_string);
             SetupError::value(key, cause.unwrap_or(error.to_string()), expected)
         };
-        let path = &keys.library.place;
+        // a name without a folder would be looked for among the libraries of the system
+        let path = Path::new(".").join(&keys.library.place);
         // SAFETY: the user names a library whose initialisers may run.
         let library = unsafe { Library::new(path) };
         let library =
