@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::advection::Convection;
 
 use super::lagrangian::collision::Collisions;
-use super::state::State;
+use super::state::AnyState;
 use super::viscosity::ViscositySweep;
 
 /// Weakly compressible laminar flow; owns `velocity`, `density` and `pressure`. `thermal` computes heat.
@@ -34,8 +34,8 @@ pub struct Fluid {
     /// conservative form.
     #[serde(default)]
     pub influence: Option<Influence>,
-    /// Equation of state: how the pressure follows from the flow.
-    pub state: State,
+    /// Equation of state, such as `state.tait = { sound_speed = 20 }`: how the pressure follows from the flow.
+    pub state: Law<dyn AnyState>,
     /// Law of viscosity; when left out `newtonian`, by the property `viscosity` of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viscosity: Option<Law<dyn ViscositySweep>>,
@@ -175,7 +175,8 @@ impl Fluid {
     /// Refuses numbers outside of their ranges.
     pub(super) fn check_numbers(&self, body: &Body) -> Result<(), SetupError> {
         self.horizon.map_or(Ok(()), |h| h.check(body))?;
-        self.state.check()?;
+        let state = &self.state;
+        state.law.check().map_err(|e| e.below(&state.key()))?;
         let numbers = [
             ("density_diffusion", Some(self.density_diffusion)),
             ("startup", Some(self.startup)),

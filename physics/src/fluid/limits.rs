@@ -48,8 +48,7 @@ impl FluidRun {
     ) -> Option<usize> {
         let reference = &self.medium.reference_density;
         if field == keys::VELOCITY.name {
-            let lightest = reference.iter().copied().fold(f64::INFINITY, f64::min);
-            let limit = 10.0 * self.medium.state.sound_speed(lightest);
+            let limit = 10.0 * self.medium.largest_sound_speed();
             let velocity: Read<Vector3<f64>> = self.fields.velocity.into();
             return (largest > limit).then(|| world.first_beyond(velocity, limit))?;
         }

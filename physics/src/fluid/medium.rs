@@ -1,14 +1,18 @@
 //! Properties of the fluid at its points.
 
-use super::state::State;
+use perimelt_core::law::Law;
+
+use super::state::{AnyState, DensityChange};
 use super::viscosity::Viscosity;
 
 /// The fluid and its properties at its present temperature.
 #[derive(Debug)]
 pub(super) struct Medium {
-    pub(super) state: State,
+    state: Law<dyn AnyState>,
     /// By point, kg/m³.
     pub(super) reference_density: Vec<f64>,
+    /// By point, m/s.
+    sound_speed: Vec<f64>,
     /// By point, m.
     pub(super) spacing: Vec<f64>,
     /// Pa s.
@@ -16,9 +20,37 @@ pub(super) struct Medium {
 }
 
 impl Medium {
+    /// A fluid with an equation of state, whose points have a reference density (kg/m³) and a spacing (m).
+    pub(super) fn new(
+        state: Law<dyn AnyState>,
+        viscosity: Viscosity,
+        reference_density: Vec<f64>,
+        spacing: Vec<f64>,
+    ) -> Self {
+        let speeds = reference_density.iter();
+        Medium {
+            sound_speed: speeds.map(|rho| state.law.sound_speed(*rho)).collect(),
+            state,
+            reference_density,
+            spacing,
+            viscosity,
+        }
+    }
+
     /// m/s.
     pub(super) fn sound_speed(&self, point: usize) -> f64 {
-        self.state.sound_speed(self.reference_density[point])
+        self.sound_speed[point]
+    }
+
+    /// m/s.
+    pub(super) fn largest_sound_speed(&self) -> f64 {
+        self.sound_speed.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Density at a pressure (Pa), kg/m³.
+    pub(super) fn density(&self, point: usize, pressure: f64) -> f64 {
+        let reference = self.reference_density[point];
+        self.state.law.density(pressure, reference)
     }
 
     /// Spacing times speed of sound, m²/s.
@@ -40,8 +72,12 @@ impl Medium {
         density: &mut f64,
         pressure: &mut f64,
     ) {
-        let reference = self.reference_density[point];
-        *pressure = self.state.pressure(*density, after, *pressure, reference);
+        *pressure = self.state.law.pressure(DensityChange {
+            before: *density,
+            after,
+            pressure: *pressure,
+            reference: self.reference_density[point],
+        });
         *density = after;
     }
 }
@@ -56,16 +92,16 @@ mod tests {
     #[test]
     fn lengths_and_diffusivities_are_those_of_spacing_and_sound() {
         let water = block([1, 1, 1], 1, 1.0, Store::Lattice, "viscosity = 3");
-        let medium = Medium {
-            state: super::super::state::State::Tait(Tait {
+        let tait = Law::<dyn AnyState> {
+            name: "tait",
+            law: Box::new(Tait {
                 sound_speed: 20.0,
                 exponent: 1.0,
                 background: 0.0,
             }),
-            reference_density: vec![2.0],
-            spacing: vec![0.5],
-            viscosity: Viscosity::new(None, &water).expect("a viscosity"),
         };
+        let viscosity = Viscosity::new(None, &water).expect("a viscosity");
+        let medium = Medium::new(tait, viscosity, vec![2.0], vec![0.5]);
         assert_eq!(medium.sound_diffusivity(0), 10.0);
         assert_eq!(medium.smoothing_length(0), 0.6);
         // 2 * 400 (rho / 2 - 1)

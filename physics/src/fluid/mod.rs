@@ -54,7 +54,7 @@ mod report;
 mod run;
 #[cfg(test)]
 mod stability_tests;
-mod state;
+pub mod state;
 mod step;
 #[cfg(test)]
 mod tests;
@@ -66,7 +66,6 @@ pub use crate::advection::Convection;
 pub use keys::{Fluid, Form, Scheme, Stress, Surface};
 pub use lagrangian::collision::Collisions;
 pub use perimelt_core::Description;
-pub use state::{State, Tait};
 
 use perimelt_core::{
     Balance, LoadError, PddoError, Physics, PhysicsReport, Prepared, RunError, RunningPhysics,

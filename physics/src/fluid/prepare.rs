@@ -97,10 +97,8 @@ impl FluidRun {
         let pressure = world.read(self.fields.pressure.into());
         let mut density = world.write(self.fields.density);
         let medium = &self.medium;
-        let points = density.iter_mut().zip(&*pressure);
-        for ((rho, &p), &rho0) in points.zip(&medium.reference_density) {
-            *rho = medium.state.density(p, rho0);
-        }
+        let points = density.iter_mut().zip(&*pressure).enumerate();
+        points.for_each(|(i, (rho, &p))| *rho = medium.density(i, p));
         if let Points::Lagrangian(points) = &mut self.points {
             points.weigh(&density, &world.body(self.body).points.volume);
         }
@@ -171,10 +169,13 @@ fn prepare_medium(
     body: BodyIndex,
 ) -> Result<Medium, SetupError> {
     let this = setup.body(body);
-    Ok(Medium {
-        state: fluid.state,
-        viscosity: Viscosity::new(fluid.viscosity.take(), this)?,
-        reference_density: setup.world().density_at_points(body)?,
-        spacing: this.points.spacing.clone(),
-    })
+    let viscosity = Viscosity::new(fluid.viscosity.take(), this)?;
+    let density = setup.world().density_at_points(body)?;
+    let spacing = this.points.spacing.clone();
+    Ok(Medium::new(
+        fluid.state.clone(),
+        viscosity,
+        density,
+        spacing,
+    ))
 }

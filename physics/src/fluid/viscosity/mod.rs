@@ -60,7 +60,7 @@ impl Viscosity {
             law: Box::new(Newtonian {}),
         };
         let law = law.unwrap_or_else(newtonian);
-        let key = format!("viscosity.{}", law.name);
+        let key = law.key();
         law.law.check().map_err(|e| e.below(&key))?;
         let constants = Constants::of(body, &key, &key, law.law.constants())?;
         let needs_shear_rate = law.law.needs_shear_rate();

@@ -90,7 +90,7 @@ impl ChosenFlow {
                 ),
             },
             (None, Some(law)) => ChosenFlow {
-                key: format!("flow.{}", law.name),
+                key: law.key(),
                 law,
                 annealing: annealed(annealing_temperature, "annealing_temperature"),
             },

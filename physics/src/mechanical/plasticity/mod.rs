@@ -89,7 +89,7 @@ impl Plasticity {
             annealing,
         } = chosen;
         law.law.prepare().map_err(|e| e.below(&key))?;
-        let name = format!("flow.{}", law.name);
+        let name = law.key();
         let constants = law.law.constants();
         let points = body.points.len();
         let stress_state = StressState::of(body.dimension, plane);

@@ -31,8 +31,8 @@ pub(super) fn conductivities(
         name: "isotropic",
         law: Box::new(Isotropic {}),
     };
-    let Law { name, law } = law.unwrap_or_else(isotropic);
-    let key = format!("conductivity.{name}");
+    let law = law.unwrap_or_else(isotropic);
+    let (key, law) = (law.key(), law.law);
     law.check().map_err(|e| e.below(&key))?;
     let constants = Constants::of(body, &key, &key, law.constants())?;
     let materials = 0..body.materials.len();

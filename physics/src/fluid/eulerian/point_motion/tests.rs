@@ -4,6 +4,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::body::{Body, Store};
 use perimelt_core::family::{ByRules, LayerRule};
+use perimelt_core::law::Law;
 use perimelt_core::{Axis, Face, Family, FamilySpec, Influence, Pddo, SlotField};
 
 use super::PointMotion;
@@ -11,7 +12,7 @@ use crate::advection::Convection;
 use crate::fluid::eulerian::fluxes::{FluxDomain, Fluxes};
 use crate::fluid::medium::Medium;
 use crate::fluid::rates::{Rates, Terms};
-use crate::fluid::state::{State, Tait};
+use crate::fluid::state::{AnyState, Tait};
 use crate::fluid::viscosity::Viscosity;
 use crate::fluid::walls::Walls;
 use crate::shape_tensor::CompleteFamily;
@@ -53,17 +54,15 @@ impl Channel {
         };
         let rates = Fluxes::new(Convection::Hybrid, &body, domain);
         let viscosity = Viscosity::new(None, &body).expect("a viscosity");
-        let state = State::Tait(Tait {
-            sound_speed: 10.0,
-            exponent: 1.0,
-            background: 0.0,
-        });
-        let medium = Medium {
-            state,
-            reference_density: vec![2.0; points],
-            spacing: vec![spacing; points],
-            viscosity,
+        let state = Law::<dyn AnyState> {
+            name: "tait",
+            law: Box::new(Tait {
+                sound_speed: 10.0,
+                exponent: 1.0,
+                background: 0.0,
+            }),
         };
+        let medium = Medium::new(state, viscosity, vec![2.0; points], vec![spacing; points]);
         let rules = mirrored.iter().map(|f| LayerRule {
             scale: std::array::from_fn(|a| if a == f.axis() { -1.0 } else { 1.0 }),
             ..LayerRule::even(*f)
