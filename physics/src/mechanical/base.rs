@@ -26,6 +26,8 @@ pub struct Properties {
     /// Whether the stiffness is symmetric under plastic flow: forces must be the derivative of an energy of the strain
     /// that enters the flow rule.
     pub has_symmetric_plastic_tangent: bool,
+    /// Whether the tangent of finite kinematics is that of the deformed shape.
+    pub has_finite_tangent: bool,
 }
 
 /// Properties of a law of elasticity.
@@ -203,6 +205,7 @@ impl SolidBase {
             return Tangent::Linearised;
         }
         match (self.elastic_law.is_linear, self.elastic.finite) {
+            (_, true) if self.properties.has_finite_tangent => Tangent::Linearised,
             (_, true) => Tangent::Differences,
             (true, false) => Tangent::Stiffness,
             (false, false) => Tangent::Linearised,
@@ -236,6 +239,51 @@ impl SolidBase {
                 law.with_inelastic(p.stress_state, p.states.tried()[point].strain)
             }
             (Some(p), StrainKind::Change) => law.with_inelastic(p.stress_state, p.change[point]),
+        }
+    }
+
+    /// Stress in space of a point with a gradient of the displacement as xx, yy, zz, xy, yz, zx, Pa.
+    pub(super) fn spatial_stress(
+        &self,
+        gradients: &Gradient,
+        point: usize,
+        gradient: &Matrix3<f64>,
+    ) -> [f64; 6] {
+        if let Some(points) = self.law_points_of(gradients, point) {
+            return points.spatial_stress(&self.elastic, point, gradient);
+        }
+        let finite = self.elastic.finite;
+        let law = self.law_of(gradients, point, StrainKind::Elastic);
+        let mut stress = law.piola(gradient, finite);
+        if finite {
+            let deformation = Matrix3::identity() + gradient;
+            stress = stress * deformation.transpose() / deformation.determinant();
+        }
+        law.components(&stress, self.elastic.is_plane_strain())
+    }
+
+    /// Energy density of a point with a gradient of the displacement (J/m³), and the stress conjugate to the eigenstrain (Pa),
+    /// which is zero for [`EnergyKind::Elastic`].
+    pub(super) fn energy_density(
+        &self,
+        gradients: &Gradient,
+        point: usize,
+        gradient: &Matrix3<f64>,
+        kind: EnergyKind,
+    ) -> [f64; 2] {
+        let elastic = &self.elastic;
+        match (self.law_points_of(gradients, point), kind) {
+            (Some(points), EnergyKind::Elastic) => [points.energy(elastic, point, gradient), 0.0],
+            (Some(points), EnergyKind::Total) => points.total_energy(elastic, point, gradient),
+            (None, EnergyKind::Elastic) => {
+                let law = self.law_of(gradients, point, StrainKind::Elastic);
+                let stress = law.material_stress(gradient, elastic.finite);
+                [law.energy_of(&stress), 0.0]
+            }
+            (None, EnergyKind::Total) => {
+                let law = self.law_of(gradients, point, StrainKind::Total);
+                self.total_energy(point, &law, gradient)
+            }
         }
     }
 

@@ -54,10 +54,15 @@ impl MechanicalRun {
         let elastic = self.solid.evaluate(wanted).energy;
         let [elastic] = sum_points(volume.len(), |i| [elastic[i][0] * volume[i]]);
         let kinetic = self.fields.velocity.map_or(0.0, |velocity| {
-            let velocity = &*world.read::<Vector3<f64>>(velocity.into());
-            let density = &self.density;
-            let of_point = |i: usize| 0.5 * density[i] * volume[i] * velocity[i].norm_squared();
-            sum_points(volume.len(), |i| [of_point(i)])[0]
+            let velocity = world.read::<Vector3<f64>>(velocity.into());
+            let nodes = self.nodes();
+            let (velocity, _) = nodes
+                .values(&velocity, &self.state.corners.velocity)
+                .as_chunks::<3>();
+            let (density, volume) = (&self.node_density, nodes.volumes(world.body(self.body)));
+            let square = |i: usize| Vector3::from(velocity[i]).norm_squared();
+            let of_node = |i: usize| 0.5 * density[i] * volume[i] * square(i);
+            sum_points(volume.len(), |i| [of_node(i)])[0]
         });
         Energy {
             kinetic,
@@ -72,9 +77,12 @@ impl MechanicalRun {
         if body_force.is_empty() {
             return 0.0;
         }
-        let volume = &world.body(self.body).points.volume;
+        let volume = self.nodes().volumes(world.body(self.body));
         let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
-        -work_of(volume, body_force, bytemuck::cast_slice(&displacement))
+        let displacement = self
+            .nodes()
+            .values(&displacement, &self.state.corners.displacement);
+        -work_of(volume, body_force, displacement)
     }
 }
 

@@ -265,8 +265,12 @@ impl MechanicalRun {
         self.state.watch.layers.extend(layers);
     }
 
-    /// Square root of the elastic energy of a layer that moves by one metre while all points stay in place, J^0.5/m.
+    /// Square root of the elastic energy of a layer that moves by one metre while all points stay in place, J^0.5/m. Corners
+    /// in a face move with it as held ones, whose work is summed.
     fn energy_of_offset(&mut self, world: &World, layer: usize, axis: usize) -> f64 {
+        if self.nodes().corners().is_some() {
+            return 0.0;
+        }
         let rules = world.layer_rules(self.layers);
         self.scratch.of_offset.resize(rules.len(), [None; 3]);
         if let Some(known) = self.scratch.of_offset[layer][axis] {
@@ -309,7 +313,7 @@ impl MechanicalRun {
             self.state.watch.renew();
             return;
         }
-        let volume = &world.body(self.body).points.volume;
+        let volume = self.nodes().volumes(world.body(self.body));
         self.state.watch.work -= 0.5 * work_of(volume, force, &self.work);
     }
 
@@ -345,7 +349,8 @@ impl MechanicalRun {
         }
     }
 
-    /// Keeps the ratio of bound and energy before points of the solid, whose displacement is set, become present or absent.
+    /// Keeps the ratio of bound and energy before points of the solid, whose displacement is set, become present or absent. The
+    /// loads of the step act already.
     pub(super) fn keep_ratio(&mut self, world: &World) {
         let Some(reference) = self.state.watch.reference else {
             return;
@@ -353,8 +358,10 @@ impl MechanicalRun {
         let energy = self.energy_as_set(world);
         let stored = energy.stored();
         if stored > self.negligible_energy(world, &energy) {
-            let ratio = (reference.bound - energy.potential) / stored;
-            self.state.watch.kept = Some(ratio.clamp(0.0, 1.0));
+            let watch = &mut self.state.watch;
+            let before = (reference.bound + watch.work - energy.potential).max(0.0);
+            let ratio = (before.sqrt() + watch.amplitude).powi(2) / stored;
+            watch.kept = Some(ratio.clamp(0.0, 1.0));
         }
     }
 
@@ -406,11 +413,14 @@ impl MechanicalRun {
             volume[i] * (moduli.lame.abs() + 2.0 * moduli.shear) * ROUNDING * ROUNDING
         };
         let (loads, _) = self.state.loaded_body_force.as_chunks::<3>();
+        let nodes = self.nodes().volumes(world.body(self.body));
         let of_load = |(i, load): (usize, &[f64; 3])| {
             let square: f64 = load.iter().map(|b| b * b).sum();
-            0.5 * self.scratch.step.powi(2) * volume[i] * square / self.density[i]
+            0.5 * self.scratch.step.powi(2) * nodes[i] * square / self.node_density[i]
         };
-        let of_loads: f64 = loads.iter().enumerate().map(of_load).sum();
+        let with_material = |(i, _): &(usize, &[f64; 3])| self.node_density[*i] > 0.0;
+        let loads = loads.iter().enumerate().filter(with_material);
+        let of_loads: f64 = loads.map(of_load).sum();
         let of_strains: f64 = (0..volume.len()).map(of_strain).sum();
         of_strains + of_loads + ROUNDING_OF_SUMS * energy.potential.abs()
     }

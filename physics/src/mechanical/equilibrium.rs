@@ -1,6 +1,5 @@
 //! Equilibrium: the displacement at which bond forces and loads balance.
 
-use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::solver::reduce::{max_abs, norm};
 use perimelt_core::solver::{
@@ -214,6 +213,7 @@ pub(super) fn newton(
         statics,
         relative_volume,
         work,
+        loads: buffer,
         state:
             MechanicalState {
                 corners,
@@ -222,14 +222,14 @@ pub(super) fn newton(
             },
         ..
     } = run;
-    let (body_force, present) = (nodes.loads(loads, points), nodes.present(points));
-    let state = nodes.unknowns(&mut displacement, corners);
+    let (body_force, present) = (nodes.loads(loads, points, buffer), nodes.present(points));
+    let state = nodes.values_mut(&mut displacement, &mut corners.displacement);
     let mut residual = Residual {
         tangent: solid.base().tangent(),
         solid: &mut **solid,
         homogeneous: rules.iter().map(LayerRule::homogeneous).collect(),
         rules: &rules,
-        body_force: &body_force,
+        body_force,
         volumes: (!relative_volume.is_empty()).then_some(&relative_volume[..]),
         constraint,
         present: &present,
@@ -247,12 +247,12 @@ pub(super) fn newton(
         is_plastic,
     };
     let report = statics.solve(&mut residual, state, &search)?;
-    if let Some(corners) = nodes.corners() {
-        corners.mean(&run.state.corners, &mut displacement);
-    }
+    let is_guessed = search.is_guessed;
+    drop(displacement);
+    run.write_means(world);
     Ok(Work {
         iterations: report.krylov_iterations,
-        evaluations: report.evaluations + usize::from(search.is_guessed),
+        evaluations: report.evaluations + usize::from(is_guessed),
     })
 }
 
@@ -339,18 +339,30 @@ fn rounding(solid: &mut dyn Solid, eigenstrain: f64, displacement: &[f64]) -> f6
 
 /// Brings `run` into equilibrium by adaptive dynamic relaxation.
 pub(super) fn relax(run: &mut MechanicalRun, world: &World) -> Result<Work, SolverError> {
-    let body_force = run.fields.body_force.map(|b| world.read(b));
-    let body_force: &[f64] = body_force
-        .as_deref()
-        .map_or(&[], |b| bytemuck::cast_slice(b));
+    let force = run.fields.body_force.map(|b| world.read(b));
+    let moment = run.fields.body_force_moment.map(|m| world.read(m));
+    let loads = PointLoads {
+        force: force.as_deref().unwrap_or(&[]),
+        moment: moment.as_deref().unwrap_or(&[]),
+    };
+    let nodes = run.nodes().clone();
     let constraint = &run.constraints(world)[..];
     let rules = world.layer_rules(run.layers);
     let mut displacement = world.write(run.fields.displacement);
     let dimension = world.body(run.body).dimension;
-    let MechanicalRun { solid, work, .. } = run;
+    let MechanicalRun {
+        solid,
+        work,
+        loads: buffer,
+        state: MechanicalState {
+            corners, present, ..
+        },
+        ..
+    } = run;
+    let body_force = nodes.loads(loads, present, buffer);
     let free = |i: usize| constraint[i] == 0.0 && i % 3 < dimension;
     load_fictitious_mass(&mut **solid, work, &rules, free);
-    let state = bytemuck::cast_slice_mut::<Vector3<f64>, f64>(&mut displacement);
+    let state = nodes.values_mut(&mut displacement, &mut corners.displacement);
     let mut unbalanced = |u: &[f64], force: &mut [f64]| {
         solid.set_displacement(u, &rules);
         solid.evaluate(Wanted::force(force));
@@ -368,6 +380,8 @@ pub(super) fn relax(run: &mut MechanicalRun, world: &World) -> Result<Work, Solv
     accelerations.for_each(|(load, mass)| *load /= mass);
     let relaxation = &mut run.statics.relaxation;
     let report = relaxation.solve(state, &run.work, norm(&loads), unbalanced)?;
+    drop(displacement);
+    run.write_means(world);
     Ok(Work {
         iterations: report.iterations,
         // those of the loads and of the final state

@@ -48,7 +48,6 @@ use rayon::prelude::*;
 use super::classical::{COMPONENTS, Point, symmetric};
 use super::keys::{Formulation, Mechanical};
 use super::moduli::Moduli;
-use super::momentum::{Momentum, place};
 use super::solid::{PointStates, StressFreeStrain, Wanted};
 use super::staggered::Births;
 use super::step::MechanicalRun;
@@ -247,9 +246,12 @@ impl MechanicalRun {
         for (point, fresh) in self.state.fresh.iter_mut().enumerate() {
             *fresh = present[point] && (*fresh || !was_present[point]);
         }
-        let gone = self.momentum_where(world, |i| was_present[i] && !present[i]);
+        let density = self.nodes().densities(&self.density, &present);
+        let earlier = std::mem::replace(&mut self.node_density, density);
+        let change = |this: &Self, i: usize| this.node_density[i] - earlier[i];
+        let gone = self.momentum_with(world, |i| (-change(self, i)).max(0.0));
         self.place_born(world, &was_present, &rules, &before);
-        let born = self.momentum_where(world, |i| !was_present[i] && present[i]);
+        let born = self.momentum_with(world, |i| change(self, i).max(0.0));
         self.state.given += gone.times(-1.0).with_size_of(&gone);
         self.state.given += born;
         self.set_in_motion(world);
@@ -330,8 +332,7 @@ impl MechanicalRun {
                 rules,
             };
             corners.place_born(&mut self.state.corners, births);
-            let mut displacement = world.write(self.fields.displacement);
-            corners.mean(&self.state.corners, &mut displacement);
+            self.write_means(world);
             return;
         }
         let present = &self.state.present;
@@ -406,52 +407,39 @@ impl MechanicalRun {
         self.load_stress_free(world);
     }
 
-    /// Momentum of some points; zero in equilibrium.
-    fn momentum_where(&self, world: &World, counts: impl Fn(usize) -> bool + Sync) -> Momentum {
-        let Some(velocity) = self.fields.velocity else {
-            return Momentum::default();
-        };
-        let velocity = &*world.read::<Vector3<f64>>(velocity.into());
-        let displacement = &*world.read::<Vector3<f64>>(self.fields.displacement.into());
-        let (points, density) = (&world.body(self.body).points, &self.density);
-        Momentum::sum(self.balanced, points.len(), |i| {
-            let mass = if counts(i) {
-                density[i] * points.volume[i]
-            } else {
-                0.0
-            };
-            let x = place(&points.position[i], displacement[i].as_slice());
-            [x, (mass * velocity[i]).into()]
-        })
-    }
-
-    /// Lets the points that are present move, and no others.
+    /// Lets the nodes that have material move, and no others.
     pub(super) fn set_in_motion(&mut self, world: &World) {
-        self.free_present_points();
+        self.free_present_nodes();
         let Some(velocity) = self.fields.velocity else {
             return;
         };
         let mut velocity = world.write(velocity);
-        let points = velocity.iter_mut().zip(&self.state.present);
-        points
-            .filter(|(_, p)| !**p)
-            .for_each(|(v, _)| *v = Vector3::zeros());
+        let mut of_corners = std::mem::take(&mut self.state.corners.velocity);
+        let velocity = self.nodes().values_mut(&mut velocity, &mut of_corners);
+        let (nodes, _) = velocity.as_chunks_mut::<3>();
+        let nodes = nodes.iter_mut().zip(&self.node_density);
+        nodes
+            .filter(|(_, density)| **density == 0.0)
+            .for_each(|(v, _)| *v = [0.0; 3]);
         let state = &mut self.state;
+        state.corners.velocity = of_corners;
         state.verlet.forget_force();
         state.external_force = None;
         state.watch.renew();
     }
 
-    /// Gives points without material no inverse density. Boundaries that hold points set theirs afterwards.
-    pub(super) fn free_present_points(&mut self) {
+    /// Gives nodes the density of the material that is present, and no inverse density where there is none. Boundaries that hold
+    /// nodes set theirs afterwards.
+    pub(super) fn free_present_nodes(&mut self) {
+        if self.state.present.is_empty() {
+            return;
+        }
+        let density = self.nodes().densities(&self.density, &self.state.present);
         let (inverse, _) = self.free_inverse_density.as_chunks_mut::<3>();
-        let points = inverse
-            .iter_mut()
-            .zip(&self.density)
-            .zip(&self.state.present);
-        points.for_each(|((inverse, density), present)| {
-            *inverse = [if *present { 1.0 / density } else { 0.0 }; 3];
-        });
+        for (inverse, density) in inverse.iter_mut().zip(&density) {
+            *inverse = [if *density > 0.0 { 1.0 / density } else { 0.0 }; 3];
+        }
+        self.node_density = density;
     }
 
     /// Gives the family the points that were present when the state was saved.
@@ -462,7 +450,7 @@ impl MechanicalRun {
                 ..PointStates::default()
             });
             self.statics.forget_rigid_modes();
-            self.free_present_points();
+            self.free_present_nodes();
         }
     }
 

@@ -1,7 +1,7 @@
 //! Laws of elasticity as plugins: the key `law` of `mechanical`.
 //!
 //! A law is the struct of its keys in the case file, `law.<name> = { keys }`. Its kind decides which formulations it serves:
-//! [`BondLaw`] those with forces along bonds, [`PointLaw`] those with stresses of points; `linear` serves all. Constants are properties of
+//! [`BondLaw`] those with forces along bonds, [`PointLaw`] those with strains at points; `linear` serves all. Constants are properties of
 //! materials.
 
 use std::fmt::Debug;
@@ -21,7 +21,7 @@ use super::ordinary::Ordinary;
 use super::plasticity::ChosenFlow;
 use super::points::{LawPoints, Measure, PointLaw, PointResponse};
 use super::solid::{Constitution, Solid};
-use super::staggered::{self, Springs, Staggered};
+use super::staggered;
 use super::stretch::{BodyLaw, BondConstants, BondLaw, Linear, Pairs, States};
 
 /// What a solid is made of, besides its law.
@@ -142,13 +142,8 @@ pub struct OfPoints<L>(L);
 
 impl<L: PointLaw> OfPoints<L> {
     /// The formulations that the law serves.
-    pub const FORMULATIONS: &'static [Formulation] = match L::STRAIN {
-        // staggered solids have small displacements
-        Measure::Gradient => &[Formulation::Correspondence],
-        Measure::Strain | Measure::StrainOrGradient => {
-            &[Formulation::Correspondence, Formulation::Staggered]
-        }
-    };
+    pub const FORMULATIONS: &'static [Formulation] =
+        &[Formulation::Correspondence, Formulation::Staggered];
 
     /// What `perimelt explain` says besides the keys.
     pub const FACTS: LawFacts = LawFacts {
@@ -173,13 +168,7 @@ impl<L: PointLaw> OfPoints<L> {
                     "central differences"
                 },
             ),
-            (
-                "formulations",
-                match L::STRAIN {
-                    Measure::Gradient => "correspondence",
-                    Measure::Strain | Measure::StrainOrGradient => "correspondence, staggered",
-                },
-            ),
+            ("formulations", "correspondence, staggered"),
         ],
     };
 }
@@ -223,73 +212,29 @@ impl<L: PointLaw> ElasticLaw for OfPoints<L> {
                 "`kinematics = \"finite\"`",
             ));
         }
-        solid_of_points(parts, Some(Box::new(self.0)))
+        with_strains(parts, Some(Box::new(self.0)))
     }
 }
 
-/// The solid of a body whose points follow a law, or the linear one.
-pub(super) fn solid_of_points(
+/// The solid of a body in a formulation with strains at points, which follow a law or the linear one.
+pub(super) fn with_strains(
     parts: Parts<'_>,
     law: Option<Box<dyn PointResponse>>,
 ) -> Result<Box<dyn Solid>, SetupError> {
-    let Parts {
-        body,
-        family,
-        constitution,
-        formulation,
-        stabilisation,
-        name,
-        constants,
-    } = parts;
-    let law = law.map(|law| LawPoints::new(name, law, constants, body));
-    if formulation == Formulation::Staggered {
-        return staggered(body, constitution, stabilisation, law);
+    let law = law.map(|law| LawPoints::new(parts.name, law, parts.constants, parts.body));
+    if parts.formulation == Formulation::Staggered {
+        return staggered::solid(parts.body, parts.constitution, law, parts.stabilisation);
     }
     let settings = Settings {
         law,
-        stabilisation: stabilisation.unwrap_or(0.1),
+        stabilisation: parts.stabilisation.unwrap_or(0.1),
     };
-    boxed(Correspondence::new(body, family, constitution, settings))
-}
-
-/// The staggered solid of a body on a lattice.
-fn staggered(
-    body: &Body,
-    constitution: Constitution,
-    stabilisation: Option<f64>,
-    law: Option<LawPoints>,
-) -> Result<Box<dyn Solid>, SetupError> {
-    let lattice = staggered::lattice(body)?;
-    let may_yield = constitution.plasticity.is_some() || law.is_some();
-    let springs = match (stabilisation, may_yield) {
-        (Some(factor), _) => Springs::Factor(factor),
-        (None, false) => Springs::Bending,
-        // elastic springs hold what has yielded beside them (docs/theory/mechanics.md)
-        (None, true) => Springs::Factor(if body.dimension == 3 { 0.2 } else { 0.3 }),
-    };
-    Ok(match body.dimension {
-        1 => Box::new(Staggered::<1>::new(
-            body,
-            lattice,
-            constitution,
-            springs,
-            law,
-        )),
-        2 => Box::new(Staggered::<2>::new(
-            body,
-            lattice,
-            constitution,
-            springs,
-            law,
-        )),
-        _ => Box::new(Staggered::<3>::new(
-            body,
-            lattice,
-            constitution,
-            springs,
-            law,
-        )),
-    })
+    boxed(Correspondence::new(
+        parts.body,
+        parts.family,
+        parts.constitution,
+        settings,
+    ))
 }
 
 /// A solid, or the reason why a formulation does not support its body.

@@ -5,7 +5,7 @@ use perimelt_core::law::{Constant, LawFacts};
 use serde::Serialize;
 
 use super::keys::Formulation;
-use super::law::{ElasticLaw, OfBonds, Parts, solid_of_points};
+use super::law::{ElasticLaw, OfBonds, Parts, with_strains};
 use super::solid::Solid;
 use super::stretch::Linear;
 
@@ -59,7 +59,7 @@ impl ElasticLaw for LinearSolids {
     fn solid(self: Box<Self>, parts: Parts<'_>) -> Result<Box<dyn Solid>, SetupError> {
         match parts.formulation {
             Formulation::Bond | Formulation::Ordinary => Box::new(self.0).solid(parts),
-            Formulation::Correspondence | Formulation::Staggered => solid_of_points(parts, None),
+            Formulation::Correspondence | Formulation::Staggered => with_strains(parts, None),
         }
     }
 }

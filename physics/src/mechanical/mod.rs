@@ -113,7 +113,6 @@ pub use keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
 use section::Section;
 use serde::{Deserialize, Serialize};
 use step::{MechanicalRun, MechanicalState};
-use stretch::find_overstretched;
 
 /// Stretch of a bond that shows an instability once displacements are ten times as large as the body: where its ends have
 /// moved so far relative to each other over a chain of bonds as long as the body, bonds have a stretch of eight or more.
@@ -209,10 +208,7 @@ impl RunningPhysics for RunningMechanical {
             return None;
         }
         self.run.load_displacement(world);
-        let solid = &self.run.solid;
-        let (base, displacement) = (solid.base(), solid.displacement());
-        let (bonds, finite) = (base.bonds(), base.is_finite());
-        find_overstretched(bonds, displacement, finite, IMPLAUSIBLE_STRETCH)
+        self.run.solid.find_overstretched(IMPLAUSIBLE_STRETCH)
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
@@ -317,7 +313,14 @@ impl RunningPhysics for RunningMechanical {
             Some(_) => run.work.len(),
             None => 0,
         };
-        check_length("corners", state.corners.len(), corners)?;
+        let saved = &state.corners;
+        check_length("corners", saved.displacement.len(), corners)?;
+        let velocities = if run.fields.velocity.is_some() {
+            corners
+        } else {
+            0
+        };
+        check_length("velocities of corners", saved.velocity.len(), velocities)?;
         if let (Some(own), Some(broken)) = (run.solid.base().fracture(), &broken) {
             let is_own = own.state.broken.is_of_same_family(&broken.broken);
             check_length("broken bonds", usize::from(is_own), 1)?;

@@ -134,17 +134,29 @@ pub(super) fn by_axis(f: impl Fn(usize) -> f64) -> [f64; 3] {
 impl MechanicalRun {
     /// Momentum of the body now; zero without the explicit solver.
     pub(super) fn momentum(&self, world: &World) -> Momentum {
+        self.momentum_with(world, |i| self.node_density[i])
+    }
+
+    /// Momentum with other densities (kg/m³) of the nodes.
+    pub(super) fn momentum_with(
+        &self,
+        world: &World,
+        density: impl Fn(usize) -> f64 + Sync,
+    ) -> Momentum {
         let Some(velocity) = self.fields.velocity else {
             return Momentum::default();
         };
         let velocity = world.read::<Vector3<f64>>(velocity.into());
         let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
-        let (points, density) = (&world.body(self.body).points, &self.density);
-        let (velocity, displacement) = (&*velocity, &*displacement);
-        Momentum::sum(self.balanced, points.len(), |i| {
-            let x = place(&points.position[i], displacement[i].as_slice());
-            let mass = density[i] * points.volume[i];
-            [x, (mass * velocity[i]).into()]
+        let (nodes, corners) = (self.nodes(), &self.state.corners);
+        let velocity = nodes.values(&velocity, &corners.velocity);
+        let displacement = nodes.values(&displacement, &corners.displacement);
+        let body = world.body(self.body);
+        let (positions, volumes) = (nodes.positions(body), nodes.volumes(body));
+        Momentum::sum(self.balanced, volumes.len(), |i| {
+            let x = place(&positions[i], &displacement[3 * i..3 * i + 3]);
+            let mass = density(i) * volumes[i];
+            [x, by_axis(|axis| mass * velocity[3 * i + axis])]
         })
     }
 

@@ -1,9 +1,6 @@
 //! Motion by velocity Verlet, with an account of the impulses that the body takes up.
 
-use std::borrow::Cow;
-
 use nalgebra::Vector3;
-use perimelt_core::body::Points;
 use perimelt_core::family::LayerRule;
 use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::solver::{Dynamics, HalfKick, SolverError, VerletState};
@@ -11,62 +8,69 @@ use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 
 use super::energy::work_of;
-use super::fields::Hold;
 use super::momentum::{Balanced, Momentum, by_axis, place};
+use super::nodes::{CornerMotion, HeldNodes, PointLoads};
 use super::solid::{Solid, Wanted};
-use super::step::MechanicalRun;
+use super::step::{MechanicalRun, MechanicalState};
 
 impl MechanicalRun {
     /// Moves the body over `step`. Held components keep the displacement that was loaded.
     pub(super) fn move_points(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         self.take_up_impulses(world);
-        let body_force = self.fields.body_force.map(|b| world.read(b));
-        let body_force = self.on_present_points(body_force.as_deref());
-        let mut displacement = world.write(self.fields.displacement);
-        let velocity = self.fields.velocity.expect("owned by the explicit solver");
-        let mut velocity = world.write(velocity);
-        let volume = &world.body(self.body).points.volume;
-        let loaded = &self.state.loaded_body_force;
-        let before = bytemuck::cast_slice(&displacement);
-        self.state.watch.work += half_work_of_change(volume, [loaded, &*body_force], before);
-        let motion = VerletState {
-            displacement: bytemuck::cast_slice_mut::<Vector3<f64>, f64>(&mut displacement),
-            velocity: bytemuck::cast_slice_mut(&mut velocity),
-            inverse_mass: &self.free_inverse_density,
-        };
-        let dynamics = SolidDynamics {
-            rules: &world.layer_rules(self.layers),
-            points: &world.body(self.body).points,
-            body_force: &body_force,
-            density: &self.density,
-            inverse_density: &self.free_inverse_density,
-            balanced: self.balanced,
-            has_held_points: self.fields.hold.is_some(),
-            has_layers: self.solid.base().family().has_layers(),
-            solid: &mut *self.solid,
-            loaded: &mut self.state.loaded_body_force,
-            external_force: &mut self.state.external_force,
-            given: &mut self.state.given,
-            work: &mut self.state.watch.work,
-        };
-        let verlet = &mut self.state.verlet;
-        verlet.step(step.start, step.size, motion, dynamics)?;
+        self.move_nodes(world, step)?;
+        self.write_means(world);
         if std::mem::take(&mut self.scratch.has_moved) {
             self.add_half_work_of_held(world);
         }
         Ok(Work::of_stages(1))
     }
 
-    /// A body force (N/m³) by component, zero at points without material; empty if there is none.
-    fn on_present_points<'a>(&self, body_force: Option<&'a [Vector3<f64>]>) -> Cow<'a, [f64]> {
-        let body_force: &[f64] = body_force.map_or(&[], |b| bytemuck::cast_slice(b));
-        let present = &self.state.present;
-        if present.iter().all(|p| *p) {
-            return Cow::Borrowed(body_force);
-        }
-        let components = body_force.iter().enumerate();
-        let on_present = |(n, b): (usize, &f64)| if present[n / 3] { *b } else { 0.0 };
-        components.map(on_present).collect()
+    fn move_nodes(&mut self, world: &World, step: Step) -> Result<(), SolverError> {
+        let (nodes, body) = (self.nodes().clone(), world.body(self.body));
+        let body_force = self.fields.body_force.map(|b| world.read(b));
+        let moment = self.fields.body_force_moment.map(|m| world.read(m));
+        let loads = PointLoads {
+            force: body_force.as_deref().unwrap_or(&[]),
+            moment: moment.as_deref().unwrap_or(&[]),
+        };
+        let body_force = nodes.loads(loads, &self.state.present, &mut self.loads);
+        let mut displacement = world.write(self.fields.displacement);
+        let velocity = self.fields.velocity.expect("owned by the explicit solver");
+        let mut velocity = world.write(velocity);
+        let MechanicalState {
+            corners,
+            watch,
+            loaded_body_force,
+            verlet,
+            external_force,
+            given,
+            ..
+        } = &mut self.state;
+        let motion = VerletState {
+            displacement: nodes.values_mut(&mut displacement, &mut corners.displacement),
+            velocity: nodes.values_mut(&mut velocity, &mut corners.velocity),
+            inverse_mass: &self.free_inverse_density,
+        };
+        let (positions, volumes) = (nodes.positions(body), nodes.volumes(body));
+        let loaded = [&loaded_body_force[..], body_force];
+        watch.work += half_work_of_change(volumes, loaded, motion.displacement);
+        let dynamics = SolidDynamics {
+            rules: &world.layer_rules(self.layers),
+            positions,
+            volumes,
+            body_force,
+            density: &self.node_density,
+            inverse_density: &self.free_inverse_density,
+            balanced: self.balanced,
+            has_held_nodes: self.fields.hold.is_some() || nodes.corners().is_some(),
+            has_layers: self.solid.base().family().has_layers(),
+            solid: &mut *self.solid,
+            loaded: loaded_body_force,
+            external_force,
+            given,
+            work: &mut watch.work,
+        };
+        verlet.step(step.start, step.size, motion, dynamics)
     }
 
     /// Adds the momentum of the sink `impulse` to the velocities of free components.
@@ -74,33 +78,41 @@ impl MechanicalRun {
         let (Some(impulse), Some(velocity)) = (self.fields.impulse, self.fields.velocity) else {
             return;
         };
-        let impulse = &*world.read(impulse);
-        let displacement = &*world.read::<Vector3<f64>>(self.fields.displacement.into());
-        let (points, inverse) = (
-            &world.body(self.body).points,
-            &self.free_inverse_density[..],
-        );
-        self.state.given += Momentum::sum(self.balanced, points.len(), |i| {
-            let x = place(&points.position[i], displacement[i].as_slice());
+        let (nodes, body) = (self.nodes().clone(), world.body(self.body));
+        let impulse = world.read(impulse);
+        let impulse = PointLoads {
+            force: &impulse,
+            moment: &[],
+        };
+        let impulse = nodes.loads(impulse, &self.state.present, &mut self.loads);
+        let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
+        let CornerMotion {
+            displacement: of_corners,
+            velocity: velocity_of_corners,
+        } = &mut self.state.corners;
+        let displacement = nodes.values(&displacement, of_corners);
+        let (positions, volumes) = (nodes.positions(body), nodes.volumes(body));
+        let inverse = &self.free_inverse_density[..];
+        self.state.given += Momentum::sum(self.balanced, volumes.len(), |i| {
+            let x = place(&positions[i], &displacement[3 * i..3 * i + 3]);
             let free = |axis: usize| inverse[3 * i + axis] != 0.0;
             let impulse_on = |axis: usize| match free(axis) {
-                true => points.volume[i] * impulse[i][axis],
+                true => volumes[i] * impulse[3 * i + axis],
                 false => 0.0,
             };
             [x, by_axis(impulse_on)]
         });
         let mut velocity = world.write(velocity);
-        let before = &velocity[..];
-        self.state.watch.work += sum_points(points.len(), |i| {
-            let of_axis = |axis: usize| {
-                let (j, v) = (impulse[i][axis], before[i][axis]);
-                j * (v + 0.5 * j * inverse[3 * i + axis])
+        let velocity = nodes.values_mut(&mut velocity, velocity_of_corners);
+        let before = &*velocity;
+        self.state.watch.work += sum_points(volumes.len(), |i| {
+            let of_component = |n: usize| {
+                let (j, v) = (impulse[n], before[n]);
+                j * (v + 0.5 * j * inverse[n])
             };
-            let is_free = |axis: &usize| inverse[3 * i + axis] != 0.0;
-            [points.volume[i] * (0..3).filter(is_free).map(of_axis).sum::<f64>()]
+            let free = (3 * i..3 * i + 3).filter(|n| inverse[*n] != 0.0);
+            [volumes[i] * free.map(of_component).sum::<f64>()]
         })[0];
-        let velocity: &mut [f64] = bytemuck::cast_slice_mut(&mut velocity);
-        let impulse: &[f64] = bytemuck::cast_slice(impulse);
         let components = velocity.par_iter_mut().zip(impulse).zip(inverse);
         let components = components.with_min_len(4096);
         components.for_each(|((v, j), inverse)| *v += j * inverse);
@@ -108,50 +120,50 @@ impl MechanicalRun {
 
     /// Stops components that are held anew or move, before they take the displacement at which they are held. Whether
     /// there are any.
-    pub(super) fn stop_held_points(&mut self, world: &World, hold: Hold, duration: f64) -> bool {
+    pub(super) fn stop_held_nodes(
+        &mut self,
+        world: &World,
+        held: HeldNodes<'_>,
+        duration: f64,
+    ) -> bool {
         let Some(velocity) = self.fields.velocity else {
             return true;
         };
         let mut velocity = world.write(velocity);
-        if !self.holding_changes(world, hold, &velocity) {
-            return false;
+        let mut of_corners = std::mem::take(&mut self.state.corners.velocity);
+        let velocity = self.nodes().values_mut(&mut velocity, &mut of_corners);
+        let changes = self.holding_changes(world, held, velocity);
+        if changes {
+            self.state.external_force = None;
+            let given = self.impulse_of_holding(world, held, velocity, duration);
+            self.state.given += given;
+            let components = self.free_inverse_density.par_iter_mut();
+            let components = components.zip(velocity.par_iter_mut()).enumerate();
+            let (density, count) = (&self.node_density, held.count);
+            let components = components.with_min_len(4096);
+            components.for_each(|(n, (inverse, velocity))| {
+                let free = count[n] == 0.0 && density[n / 3] > 0.0;
+                *inverse = if free { 1.0 / density[n / 3] } else { 0.0 };
+                *velocity = if free { *velocity } else { 0.0 };
+            });
         }
-        self.state.external_force = None;
-        let given = self.impulse_of_holding(world, hold, &velocity, duration);
-        self.state.given += given;
-        let constraint = world.read(hold.constraint);
-        let inverses = self.free_inverse_density.par_chunks_mut(3);
-        let rows = inverses.zip(velocity.par_iter_mut()).zip(&self.density);
-        let rows = rows.zip(constraint.par_iter()).enumerate();
-        let present = &self.state.present;
-        let rows = rows.with_min_len(4096);
-        rows.for_each(|(point, (((inverse, velocity), density), constraint))| {
-            for axis in 0..3 {
-                let free = constraint[axis] == 0.0 && *present.get(point).unwrap_or(&true);
-                inverse[axis] = if free { 1.0 / density } else { 0.0 };
-                velocity[axis] = if free { velocity[axis] } else { 0.0 };
-            }
-        });
-        true
+        self.state.corners.velocity = of_corners;
+        changes
     }
 
     /// Whether components are held or let go that were not, or held ones move.
-    fn holding_changes(&self, world: &World, hold: Hold, velocity: &[Vector3<f64>]) -> bool {
-        let (constraint, held) = (world.read(hold.constraint), world.read(hold.displacement));
+    fn holding_changes(&self, world: &World, held: HeldNodes<'_>, velocity: &[f64]) -> bool {
         let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
-        let displacement: &[f64] = bytemuck::cast_slice(&displacement);
-        let (constraint, held): (&[f64], &[f64]) = (
-            bytemuck::cast_slice(&constraint),
-            bytemuck::cast_slice(&held),
-        );
-        let velocity: &[f64] = bytemuck::cast_slice(velocity);
-        let (inverse, present) = (&self.free_inverse_density[..], &self.state.present[..]);
+        let corners = &self.state.corners.displacement;
+        let displacement = self.nodes().values(&displacement, corners);
+        let HeldNodes { count, sum } = held;
+        let (inverse, density) = (&self.free_inverse_density[..], &self.node_density[..]);
         let changes = |n: usize| {
-            if !present.get(n / 3).unwrap_or(&true) {
+            if density[n / 3] == 0.0 {
                 return false;
             }
-            let is_held = constraint[n] > 0.0;
-            let moves = || velocity[n] != 0.0 || held[n] / constraint[n] != displacement[n];
+            let is_held = count[n] > 0.0;
+            let moves = || velocity[n] != 0.0 || sum[n] / count[n] != displacement[n];
             is_held != (inverse[n] == 0.0) || (is_held && moves())
         };
         let components = (0..inverse.len()).into_par_iter();
@@ -163,14 +175,16 @@ impl MechanicalRun {
     fn impulse_of_holding(
         &self,
         world: &World,
-        hold: Hold,
-        velocity: &[Vector3<f64>],
+        held: HeldNodes<'_>,
+        velocity: &[f64],
         duration: f64,
     ) -> Momentum {
-        let constraint = &*world.read(hold.constraint);
-        let held = &*world.read(hold.displacement);
-        let displacement = &*world.read::<Vector3<f64>>(self.fields.displacement.into());
-        let (points, density) = (&world.body(self.body).points, &self.density);
+        let HeldNodes { count, sum } = held;
+        let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
+        let (nodes, body) = (self.nodes(), world.body(self.body));
+        let displacement = nodes.values(&displacement, &self.state.corners.displacement);
+        let (positions, volumes) = (nodes.positions(body), nodes.volumes(body));
+        let density = &self.node_density;
         // The forces of the first half kick were evaluated before the jump, and their moments cancel there.
         let has_layers = self.solid.base().family().has_layers();
         let (force, loaded) = (self.state.verlet.force(), &self.state.loaded_body_force);
@@ -178,29 +192,28 @@ impl MechanicalRun {
             Some(force) if !has_layers => force - loaded.get(component).unwrap_or(&0.0),
             _ => 0.0,
         };
-        let present = &self.state.present[..];
-        let is_present = |i: usize| *present.get(i).unwrap_or(&true);
-        let is_held = |i: usize, axis: usize| constraint[i][axis] > 0.0 && is_present(i);
-        let jump = |i: usize, axis: usize| match is_held(i, axis) {
-            true => held[i][axis] / constraint[i][axis] - displacement[i][axis],
+        let is_held = |n: usize| count[n] > 0.0 && density[n / 3] > 0.0;
+        let jump = |n: usize| match is_held(n) {
+            true => sum[n] / count[n] - displacement[n],
             false => 0.0,
         };
-        let stop = |i: usize, axis: usize| match is_held(i, axis) {
-            true => -points.volume[i] * density[i] * velocity[i][axis],
+        let stop = |n: usize| match is_held(n) {
+            true => -volumes[n / 3] * density[n / 3] * velocity[n],
             false => 0.0,
         };
-        let mut given = Momentum::sum(self.balanced, points.len(), |i| {
-            let x = place(&points.position[i], displacement[i].as_slice());
-            [x, by_axis(|axis| stop(i, axis))]
+        let mut given = Momentum::sum(self.balanced, volumes.len(), |i| {
+            let x = place(&positions[i], &displacement[3 * i..3 * i + 3]);
+            [x, by_axis(|axis| stop(3 * i + axis))]
         });
         if self.balanced.angular {
-            let moved = Momentum::sum(self.balanced, points.len(), |i| {
-                let half_kick = |axis: usize| 0.5 * duration * bond_force(3 * i + axis);
+            let moved = Momentum::sum(self.balanced, volumes.len(), |i| {
                 let remaining = |axis: usize| {
-                    let momentum = density[i] * velocity[i][axis] + half_kick(axis);
-                    points.volume[i] * momentum + stop(i, axis)
+                    let n = 3 * i + axis;
+                    let half_kick = 0.5 * duration * bond_force(n);
+                    let momentum = density[i] * velocity[n] + half_kick;
+                    volumes[i] * momentum + stop(n)
                 };
-                let jump = by_axis(|axis| jump(i, axis));
+                let jump = by_axis(|axis| jump(3 * i + axis));
                 [jump, by_axis(remaining)]
             });
             given += moved.only_angular();
@@ -213,14 +226,18 @@ impl MechanicalRun {
 struct SolidDynamics<'a> {
     solid: &'a mut dyn Solid,
     rules: &'a [LayerRule],
-    points: &'a Points,
+    /// m, by node.
+    positions: &'a [Vector3<f64>],
+    /// m³, by node.
+    volumes: &'a [f64],
     /// N/m³, by component; empty if there is none.
     body_force: &'a [f64],
+    /// kg/m³, by node.
     density: &'a [f64],
     /// m³/kg, by component; zero where it is held.
     inverse_density: &'a [f64],
     balanced: Balanced,
-    has_held_points: bool,
+    has_held_nodes: bool,
     has_layers: bool,
     /// The body force in the last force.
     loaded: &'a mut Vec<f64>,
@@ -247,7 +264,7 @@ impl Dynamics for SolidDynamics<'_> {
         let forces = force.par_iter_mut().zip(self.body_force);
         forces.with_min_len(4096).for_each(|(f, b)| *f += b);
         *self.external_force = None;
-        *self.work += half_work_of_change(&self.points.volume, [self.loaded, self.body_force], u);
+        *self.work += half_work_of_change(self.volumes, [self.loaded, self.body_force], u);
         self.loaded.clear();
         self.loaded.extend_from_slice(self.body_force);
         Ok(())
@@ -271,10 +288,10 @@ impl SolidDynamics<'_> {
     /// left are body forces, the reaction of held components to their bonds, and the forces of bonds to layers.
     fn external_force(&self, kick: &HalfKick<'_>) -> Momentum {
         let has_loads = !self.loaded.is_empty() || self.has_layers;
-        if !has_loads && !self.has_held_points {
+        if !has_loads && !self.has_held_nodes {
             return Momentum::default();
         }
-        let (points, has_layers) = (self.points, self.has_layers);
+        let (positions, volumes, has_layers) = (self.positions, self.volumes, self.has_layers);
         let (inverse_density, loaded) = (self.inverse_density, &self.loaded[..]);
         let external = |component: usize| {
             let force = kick.force[component];
@@ -286,27 +303,27 @@ impl SolidDynamics<'_> {
                 (false, false) => loaded.get(component).copied().unwrap_or(0.0) - force,
             }
         };
-        Momentum::sum(self.balanced, points.len(), |i| {
-            let x = place(&points.position[i], &kick.displacement[3 * i..3 * i + 3]);
-            [x, by_axis(|axis| points.volume[i] * external(3 * i + axis))]
+        Momentum::sum(self.balanced, volumes.len(), |i| {
+            let x = place(&positions[i], &kick.displacement[3 * i..3 * i + 3]);
+            [x, by_axis(|axis| volumes[i] * external(3 * i + axis))]
         })
     }
 
     /// What damping takes.
     fn impulse_of_friction(&self, kick: &HalfKick<'_>) -> Momentum {
-        let (points, rule) = (self.points, kick.rule());
+        let (positions, volumes, rule) = (self.positions, self.volumes, kick.rule());
         let (density, inverse_density) = (self.density, self.inverse_density);
-        let friction = |point: usize, component: usize| {
+        let friction = |node: usize, component: usize| {
             let inverse = inverse_density[component];
             if inverse == 0.0 {
                 return 0.0;
             }
             let velocity = kick.velocity[component];
             let after = rule(velocity, kick.force[component], inverse);
-            -points.volume[point] * kick.friction * density[point] * (velocity + after)
+            -volumes[node] * kick.friction * density[node] * (velocity + after)
         };
-        Momentum::sum(self.balanced, points.len(), |i| {
-            let x = place(&points.position[i], &kick.displacement[3 * i..3 * i + 3]);
+        Momentum::sum(self.balanced, volumes.len(), |i| {
+            let x = place(&positions[i], &kick.displacement[3 * i..3 * i + 3]);
             [x, by_axis(|axis| friction(i, 3 * i + axis))]
         })
     }

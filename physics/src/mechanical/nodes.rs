@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 use perimelt_core::Body;
 use perimelt_core::family::LayerRule;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::staggered::Corners;
 
@@ -22,6 +23,15 @@ pub enum Nodes {
     Points,
     /// The corners of the cells of a lattice.
     Corners(Arc<Corners>),
+}
+
+/// Motion of the corners of cells by component, where these are the nodes; else empty.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct CornerMotion {
+    /// m.
+    pub(super) displacement: Vec<f64>,
+    /// m/s; empty in equilibrium.
+    pub(super) velocity: Vec<f64>,
 }
 
 /// What holds the points of a body; empty where nothing does.
@@ -42,20 +52,57 @@ pub(super) struct PointLoads<'a> {
     pub(super) moment: &'a [Matrix3<f64>],
 }
 
-/// Components of nodes that are held.
-#[derive(Clone, Debug)]
+/// Components of nodes that are held; empty where nothing holds them.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct HeldNodes<'a> {
     /// Number of boundaries that hold each component.
-    pub(super) count: Cow<'a, [f64]>,
+    pub(super) count: &'a [f64],
     /// Sum of the displacements at which they hold it, m.
-    pub(super) sum: Cow<'a, [f64]>,
+    pub(super) sum: &'a [f64],
+}
+
+/// The corners that are held, with what that was found from.
+#[derive(Debug, Default)]
+pub(super) struct HeldCorners {
+    /// See [`HeldNodes`].
+    pub(super) count: Vec<f64>,
+    pub(super) sum: Vec<f64>,
+    of_points: [Vec<Vector3<f64>>; 2],
+    rules: Vec<LayerRule>,
+    present: Vec<bool>,
+}
+
+impl HeldCorners {
+    pub(super) fn new(count: Vec<f64>, sum: Vec<f64>) -> Self {
+        HeldCorners {
+            count,
+            sum,
+            ..HeldCorners::default()
+        }
+    }
+
+    /// Finds the corners that are held again, if what holds them has changed.
+    fn follow(&mut self, corners: &Corners, held: Held<'_>, rules: &[LayerRule], present: &[bool]) {
+        let is_known = !self.count.is_empty()
+            && self.of_points[0] == held.count
+            && self.of_points[1] == held.sum
+            && self.rules == rules
+            && self.present == present;
+        if is_known {
+            return;
+        }
+        *self = corners.held(held, rules, present);
+        self.of_points = [held.count, held.sum].map(<[_]>::to_vec);
+        self.rules = rules.to_vec();
+        self.present = present.to_vec();
+    }
 }
 
 impl HeldNodes<'_> {
     /// Sets held components of a displacement (m) to the mean of the values at which they are held; `movement` then has the
     /// change.
     pub(super) fn place(&self, displacement: &mut [f64], movement: &mut [f64]) {
-        let given = self.count.par_iter().zip(&*self.sum);
+        let given = self.count.par_iter().zip(self.sum);
         let components = displacement.par_iter_mut().zip(movement).zip(given);
         let components = components.with_min_len(4096);
         components.for_each(|((u, movement), (count, sum))| {
@@ -85,8 +132,24 @@ impl Nodes {
         }
     }
 
-    /// The unknown displacement: the field of the points, or that of the corners.
-    pub(super) fn unknowns<'a>(
+    /// Volumes whose force densities the nodes have, m³: on a lattice, those of its cells.
+    pub(super) fn volumes<'a>(&'a self, body: &'a Body) -> &'a [f64] {
+        match self {
+            Nodes::Points => &body.points.volume,
+            Nodes::Corners(corners) => &corners.volume,
+        }
+    }
+
+    /// Components by node: those of the field of the points, or those of the corners.
+    pub(super) fn values<'a>(&self, points: &'a [Vector3<f64>], corners: &'a [f64]) -> &'a [f64] {
+        match self {
+            Nodes::Points => bytemuck::cast_slice(points),
+            Nodes::Corners(_) => corners,
+        }
+    }
+
+    /// [`Nodes::values`], to be changed.
+    pub(super) fn values_mut<'a>(
         &self,
         points: &'a mut [Vector3<f64>],
         corners: &'a mut [f64],
@@ -105,12 +168,42 @@ impl Nodes {
         }
     }
 
-    /// Force density by component, N/m³; empty without loads.
-    pub(super) fn loads<'a>(&self, loads: PointLoads<'a>, present: &[bool]) -> Cow<'a, [f64]> {
+    /// Density (kg/m³) of each node, zero without material: a corner carries its part of the mass of each point around.
+    pub(super) fn densities(&self, points: &[f64], present: &[bool]) -> Vec<f64> {
         match self {
-            Nodes::Points => Cow::Borrowed(bytemuck::cast_slice(loads.force)),
-            Nodes::Corners(_) if loads.force.is_empty() => Cow::Borrowed(&[]),
-            Nodes::Corners(corners) => Cow::Owned(corners.loads(loads, present)),
+            Nodes::Corners(corners) => corners.densities(points, present),
+            Nodes::Points if present.is_empty() => points.to_vec(),
+            Nodes::Points => {
+                let densities = points.iter().zip(present);
+                densities
+                    .map(|(rho, p)| if *p { *rho } else { 0.0 })
+                    .collect()
+            }
+        }
+    }
+
+    /// Force density by component, N/m³, zero without material; empty without loads. Those that differ from the loads of the points
+    /// are in `buffer`.
+    pub(super) fn loads<'a>(
+        &self,
+        loads: PointLoads<'a>,
+        present: &[bool],
+        buffer: &'a mut Vec<f64>,
+    ) -> &'a [f64] {
+        let of_points: &[f64] = bytemuck::cast_slice(loads.force);
+        match self {
+            _ if of_points.is_empty() => &[],
+            Nodes::Corners(corners) => {
+                corners.loads(loads, present, buffer);
+                buffer
+            }
+            Nodes::Points if present.iter().all(|p| *p) => of_points,
+            Nodes::Points => {
+                let components = of_points.iter().enumerate();
+                buffer.clear();
+                buffer.extend(components.map(|(n, b)| if present[n / 3] { *b } else { 0.0 }));
+                buffer
+            }
         }
     }
 
@@ -120,13 +213,20 @@ impl Nodes {
         held: Held<'a>,
         rules: &[LayerRule],
         present: &[bool],
+        buffer: &'a mut HeldCorners,
     ) -> HeldNodes<'a> {
         match self {
             Nodes::Points => HeldNodes {
-                count: Cow::Borrowed(bytemuck::cast_slice(held.count)),
-                sum: Cow::Borrowed(bytemuck::cast_slice(held.sum)),
+                count: bytemuck::cast_slice(held.count),
+                sum: bytemuck::cast_slice(held.sum),
             },
-            Nodes::Corners(corners) => corners.held(held, rules, present),
+            Nodes::Corners(corners) => {
+                buffer.follow(corners, held, rules, present);
+                HeldNodes {
+                    count: &buffer.count,
+                    sum: &buffer.sum,
+                }
+            }
         }
     }
 }

@@ -76,6 +76,7 @@ pub(super) fn run(
     load_present(&mut *solid, setup.world(), body);
     let statics = Statics::new(&keys.solver, solid.base().tangent());
     let density = setup.world().density_at_points(body)?;
+    let node_density = solid.base().nodes.densities(&density, &[]);
     features.law = solid.base().law_points.as_ref().map(LawState::of_points);
     let fields = Fields::declare(setup, body, features)?;
     Ok(MechanicalRun {
@@ -87,8 +88,13 @@ pub(super) fn run(
         layers: layers.handle,
         fields,
         work: vec![0.0; 3 * solid.base().nodes.positions(setup.body(body)).len()],
+        loads: Vec::new(),
+        held_corners: Default::default(),
         solid,
-        free_inverse_density: density.iter().flat_map(|rho| [1.0 / rho; 3]).collect(),
+        free_inverse_density: (node_density.iter())
+            .flat_map(|rho| [1.0 / rho; 3])
+            .collect(),
+        node_density,
         density,
         relative_volume: relative_volumes(setup.body(body)),
         statics,

@@ -56,8 +56,11 @@ pub trait Solid: Debug + Sync {
     /// Takes displacements, m, and sets the mirrored layers by `rules`.
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]);
 
-    /// The displacement that was set, along each axis and by slot, m.
-    fn displacement(&self) -> [&[f64]; 3];
+    /// The point about which the displacement that was set stretches the body most, if a stretch is beyond `limit`.
+    fn find_overstretched(&mut self, limit: f64) -> Option<usize>;
+
+    /// Largest displacement of neighbours relative to each other, over their distance; `None` if it is not beyond `limit`.
+    fn relative_displacement_beyond(&mut self, limit: f64) -> Option<f64>;
 
     /// Evaluates what is wanted of the displacement that was set. The inelastic strain is that of the trial state of
     /// [`Plasticity`], which [`Wanted::force`] sets.

@@ -5,7 +5,7 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::solver::Verlet;
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::world::{BodyIndex, LayersHandle};
-use perimelt_core::{Step, World};
+use perimelt_core::{Step, World, Write};
 use serde::{Deserialize, Serialize};
 
 use super::classical;
@@ -16,7 +16,7 @@ use super::fields::{Damage, Fields};
 use super::fracture::FractureState;
 use super::moduli::Moduli;
 use super::momentum::{Balanced, Momentum};
-use super::nodes::{Held, HeldNodes, Nodes};
+use super::nodes::{CornerMotion, Held, HeldCorners, HeldNodes, Nodes};
 use super::plasticity::Inelastic;
 use super::solid::{PointModuli, PointStates, Solid, StressKind, Wanted};
 use super::surface_stress::Extrapolation;
@@ -31,13 +31,18 @@ pub(super) struct MechanicalRun {
     pub(super) solid: Box<dyn Solid>,
     /// kg/m³, by point.
     pub(super) density: Vec<f64>,
-    /// m³/kg, by component; zero where it is held. For the explicit solver.
+    /// kg/m³, by node; zero without material.
+    pub(super) node_density: Vec<f64>,
+    /// m³/kg, by component of nodes; zero where it is held. For the explicit solver.
     pub(super) free_inverse_density: Vec<f64>,
     /// Volume over mean volume of each component, if points differ; else empty.
     pub(super) relative_volume: Vec<f64>,
     pub(super) statics: Statics,
     /// Three components for each node.
     pub(super) work: Vec<f64>,
+    /// Loads of the nodes.
+    pub(super) loads: Vec<f64>,
+    pub(super) held_corners: HeldCorners,
     /// Sum of the largest eigenstrain and the largest inelastic strain.
     pub(super) eigenstrain_size: f64,
     /// By section, N.
@@ -57,9 +62,8 @@ pub(super) struct MechanicalRun {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct MechanicalState {
     pub(super) verlet: Verlet,
-    /// Displacement of the corners of cells by component, m, where these are the nodes; else empty.
-    pub(super) corners: Vec<f64>,
-    /// The body force in the force that `verlet` carries to the next step, N/m³; empty if there is none.
+    pub(super) corners: CornerMotion,
+    /// The body force of the nodes in the force that `verlet` carries to the next step, N/m³; empty if there is none.
     pub(super) loaded_body_force: Vec<f64>,
     /// Sum of the forces of the surroundings in that force, N, and of their moments, unless points were held anew.
     pub(super) external_force: Option<Momentum>,
@@ -83,10 +87,17 @@ impl MechanicalRun {
     pub(super) fn start(&mut self, world: &World) {
         self.state.present = world.present_points(self.body).unwrap_or_default();
         if let Some(corners) = self.nodes().corners() {
-            let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
-            self.state.corners = corners.around_points(&displacement);
+            let body = world.body(self.body);
+            let at_corners = |field: Write<Vector3<f64>>| {
+                corners.around_points(body, &world.read::<Vector3<f64>>(field.into()))
+            };
+            self.state.corners = CornerMotion {
+                displacement: at_corners(self.fields.displacement),
+                velocity: self.fields.velocity.map(at_corners).unwrap_or_default(),
+            };
         }
         self.set_in_motion(world);
+        self.write_means(world);
         let temperature = world.read_if_provided(self.fields.temperature);
         let body = world.body(self.body);
         self.solid.set_points(PointStates {
@@ -113,20 +124,20 @@ impl MechanicalRun {
         let of_eigenstrain = eigenstrain.map_or(0.0, |strain| max_abs(&strain));
         self.eigenstrain_size = of_eigenstrain;
         self.load_stress_free(world);
+        self.note_loads(world);
         // the strain of births depends on what prescribed strains do to gradients
         if self.follow_activity(world) {
             self.eigenstrain_size = of_eigenstrain;
             self.load_stress_free(world);
         }
-        self.note_loads(world);
         self.load_plasticity(world, temperature.as_deref(), step.size);
         self.load_law(world, step);
-        let is_held_anew = match self.fields.hold {
-            Some(hold) => self.stop_held_points(world, hold, step.size),
-            None => self.nodes().corners().is_some(),
-        };
-        if is_held_anew {
-            self.hold_nodes(world);
+        if self.fields.hold.is_some() || self.nodes().corners().is_some() {
+            self.with_held(world, |run, held| {
+                if run.stop_held_nodes(world, held, step.size) {
+                    run.hold_nodes(world, held);
+                }
+            });
         }
     }
 
@@ -134,8 +145,12 @@ impl MechanicalRun {
         &self.solid.base().nodes
     }
 
-    /// Passes what holds the nodes, and the displacement of the points, to `use_held`.
-    fn with_held<R>(&self, world: &World, use_held: impl FnOnce(HeldNodes<'_>) -> R) -> R {
+    /// Passes what holds the nodes to `use_held`.
+    fn with_held<R>(
+        &mut self,
+        world: &World,
+        use_held: impl FnOnce(&mut Self, HeldNodes<'_>) -> R,
+    ) -> R {
         let hold = self
             .fields
             .hold
@@ -143,30 +158,49 @@ impl MechanicalRun {
         let held = hold
             .as_ref()
             .map_or_else(Held::default, |(count, sum)| Held { count, sum });
+        let mut corners = std::mem::take(&mut self.held_corners);
         let rules = world.layer_rules(self.layers);
-        use_held(self.nodes().held(held, &rules, &self.state.present))
+        let held = self
+            .nodes()
+            .held(held, &rules, &self.state.present, &mut corners);
+        let result = use_held(self, held);
+        self.held_corners = corners;
+        result
     }
 
     /// Sets held components of the displacement to the mean of the values at which boundaries hold them. In explicit motion
     /// `work` then has their movement.
-    fn hold_nodes(&mut self, world: &World) {
-        let mut work = std::mem::take(&mut self.work);
-        let mut corners = std::mem::take(&mut self.state.corners);
-        self.with_held(world, |held| {
-            let mut displacement = world.write(self.fields.displacement);
-            let unknowns = self.nodes().unknowns(&mut displacement, &mut corners);
-            held.place(unknowns, &mut work);
-        });
-        (self.work, self.state.corners) = (work, corners);
+    fn hold_nodes(&mut self, world: &World, held: HeldNodes<'_>) {
+        let mut corners = std::mem::take(&mut self.state.corners.displacement);
+        let mut displacement = world.write(self.fields.displacement);
+        let unknowns = self.nodes().values_mut(&mut displacement, &mut corners);
+        held.place(unknowns, &mut self.work);
+        drop(displacement);
+        self.state.corners.displacement = corners;
         if self.fields.velocity.is_some() {
             self.scratch.has_moved = true;
             self.add_half_work_of_held(world);
         }
     }
 
+    /// Sets the motion of the points to the mean of that of their corners, where these are the nodes.
+    pub(super) fn write_means(&self, world: &World) {
+        let Some(corners) = self.nodes().corners() else {
+            return;
+        };
+        let CornerMotion {
+            displacement,
+            velocity,
+        } = &self.state.corners;
+        corners.mean(displacement, &mut world.write(self.fields.displacement));
+        if let Some(field) = self.fields.velocity {
+            corners.mean(velocity, &mut world.write(field));
+        }
+    }
+
     /// Number of boundaries that hold each component of the displacement; nodes without material count as held.
-    pub(super) fn constraints(&self, world: &World) -> Vec<f64> {
-        let mut constraint = self.with_held(world, |held| held.count.into_owned());
+    pub(super) fn constraints(&mut self, world: &World) -> Vec<f64> {
+        let mut constraint = self.with_held(world, |_, held| held.count.to_vec());
         constraint.resize(self.work.len(), 0.0);
         let (nodes, _) = constraint.as_chunks_mut::<3>();
         let present = self.nodes().present(&self.state.present);
@@ -186,10 +220,8 @@ impl MechanicalRun {
     /// Passes the displacement and the layers to the solid.
     pub(super) fn set_displacement(&mut self, world: &World, rules: &[LayerRule]) {
         let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
-        let unknowns = match self.nodes() {
-            Nodes::Points => bytemuck::cast_slice(&displacement),
-            Nodes::Corners(_) => &self.state.corners[..],
-        };
+        let corners = &self.state.corners.displacement;
+        let unknowns = self.solid.base().nodes.values(&displacement, corners);
         self.solid.set_displacement(unknowns, rules);
     }
 

@@ -93,9 +93,9 @@ fn evaluate(
     setup.next_plugin("mechanical");
     let mut mechanical = mechanical.ready(&mut setup).expect("valid");
     let solid = &mut mechanical.run.solid;
-    let points = &world.body(0).points;
-    let u: Vec<f64> = points
-        .position
+    let nodes = solid.base().nodes.clone();
+    let u: Vec<f64> = nodes
+        .positions(world.body(0))
         .iter()
         .flat_map(|x| displacement((*x).into()))
         .collect();

@@ -5,7 +5,6 @@ use perimelt_core::material::Property;
 use perimelt_core::{Body, Report, World};
 
 use super::step::MechanicalRun;
-use super::stretch::relative_displacement_beyond;
 
 /// Displacement of the ends of a bond relative to each other, over its length, beyond which displacements are not small: a
 /// rotation by 0.2 is a strain of 2 % to linear kinematics.
@@ -133,11 +132,7 @@ impl MechanicalRun {
             return;
         }
         if self.validity.is_linear
-            && let Some(found) = relative_displacement_beyond(
-                self.solid.base().bonds(),
-                self.solid.displacement(),
-                SMALL,
-            )
+            && let Some(found) = self.solid.relative_displacement_beyond(SMALL)
         {
             let largest = &mut self.validity.relative_displacement;
             *largest = Some(largest.unwrap_or(0.0).max(found));

@@ -7,6 +7,7 @@ use std::fmt::Debug;
 
 use perimelt_core::SetupError;
 use perimelt_core::law::{Constant, LawFacts, LawKind, LawRegistration};
+use perimelt_core::plugin::by_name;
 use serde::Serialize;
 
 /// A point whose density changes.
@@ -101,9 +102,8 @@ perimelt_core::inventory::collect!(StateRegistration);
 impl LawKind for dyn AnyState {
     const KEY: &'static str = "state";
 
-    fn registrations() -> Box<dyn Iterator<Item = &'static LawRegistration<Self>>> {
-        let all = perimelt_core::inventory::iter::<StateRegistration>;
-        Box::new(all.into_iter().map(|registration| &registration.0))
+    fn registered() -> Vec<&'static LawRegistration<Self>> {
+        by_name(|registration: &'static StateRegistration| &registration.0)
     }
 }
 

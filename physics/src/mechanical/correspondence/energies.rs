@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::Correspondence;
 use super::kernels::SquaredExtension;
-use crate::mechanical::solid::StrainKind;
+use crate::mechanical::solid::EnergyKind;
 
 impl Correspondence {
     /// `sum_j w |u_j - u_i|^2` of each point, m².
@@ -56,17 +56,7 @@ impl Correspondence {
         let mut tensors = std::mem::take(&mut self.base.tensors);
         for (i, tensor) in tensors.iter_mut().enumerate() {
             let gradient = self.gradient.elastic(i, finite);
-            if let Some(points) = self.law_points_of(i) {
-                *tensor = points.spatial_stress(&self.base.elastic, i, &gradient);
-                continue;
-            }
-            let point = self.point(i, StrainKind::Elastic);
-            let mut stress = point.piola(&gradient, finite);
-            if finite {
-                let deformation = Matrix3::identity() + gradient;
-                stress = stress * deformation.transpose() / deformation.determinant();
-            }
-            *tensor = point.components(&stress, self.base.elastic.is_plane_strain());
+            *tensor = self.base.spatial_stress(&self.gradient, i, &gradient);
         }
         self.base.tensors = tensors;
     }
@@ -75,11 +65,9 @@ impl Correspondence {
         let extension = self.squared_extension();
         let mut energy = std::mem::take(&mut self.base.energy);
         for (i, energy) in energy.iter_mut().enumerate() {
-            let (gradient, point) = (&self.gradient.values[i], self.point(i, StrainKind::Total));
-            let [density, conjugate] = match self.law_points_of(i) {
-                Some(points) => points.total_energy(&self.base.elastic, i, gradient),
-                None => self.base.total_energy(i, &point, gradient),
-            };
+            let gradient = &self.gradient.values[i];
+            let [density, conjugate] =
+                (self.base).energy_density(&self.gradient, i, gradient, EnergyKind::Total);
             let modes = self.energy_of_modes(i, gradient, &extension);
             *energy = [density + modes, conjugate];
         }
@@ -95,13 +83,8 @@ impl Correspondence {
         let mut energy = std::mem::take(&mut self.base.energy);
         for (i, energy) in energy.iter_mut().enumerate() {
             let gradient = self.gradient.elastic(i, finite);
-            let density = match self.law_points_of(i) {
-                Some(points) => points.energy(&self.base.elastic, i, &gradient),
-                None => {
-                    let point = self.point(i, StrainKind::Elastic);
-                    point.energy_of(&point.material_stress(&gradient, finite))
-                }
-            };
+            let [density, _] =
+                (self.base).energy_density(&self.gradient, i, &gradient, EnergyKind::Elastic);
             let of_modes = match finite {
                 true => &self.gradient.values[i],
                 false => &gradient,

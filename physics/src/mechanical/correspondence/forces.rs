@@ -129,7 +129,7 @@ impl Correspondence {
         // the elastic stiffness is that of the linear law
         let law = |i: usize| match strain {
             StrainKind::Total => None,
-            StrainKind::Elastic | StrainKind::Change => self.law_points_of(i),
+            StrainKind::Elastic | StrainKind::Change => self.base.law_points_of(&self.gradient, i),
         };
         let correction = |i: usize| match strain {
             StrainKind::Elastic => self.gradient.stress_free.of(i),

@@ -42,6 +42,7 @@ use super::solid::{
     Constitution, EnergyKind, Evaluated, PointModuli, PointStates, Solid, Stiffness, StrainKind,
     StressFreeStrain, StressKind, Wanted,
 };
+use super::stretch::{find_overstretched, relative_displacement_beyond};
 use inputs::Inputs;
 use kernels::{Block, Force};
 
@@ -86,6 +87,7 @@ impl Correspondence {
             bonds_shear: true,
             // forces and flow follow the same strain, that of points
             has_symmetric_plastic_tangent: true,
+            has_finite_tangent: false,
         };
         let gradient = Gradient::new(body, &family)?;
         let mut base = SolidBase::new(body, family, constitution, properties);
@@ -130,11 +132,6 @@ impl Correspondence {
             let [_, limits] = &mut self.inputs.strength;
             limits.load(&self.base.family, &fracture.critical[..], Mirrored::Scalar);
         }
-    }
-
-    /// The law of a point, unless it is linear or the point is loose.
-    fn law_points_of(&self, point: usize) -> Option<&LawPoints> {
-        self.base.law_points_of(&self.gradient, point)
     }
 
     /// The linear law of a point for the given kind of strain.
@@ -232,8 +229,14 @@ impl Solid for Correspondence {
         self.base.continue_displacement(values, rules, vector);
     }
 
-    fn displacement(&self) -> [&[f64]; 3] {
-        std::array::from_fn(|axis| self.inputs.along(axis))
+    fn find_overstretched(&mut self, limit: f64) -> Option<usize> {
+        let displacement = std::array::from_fn(|axis| self.inputs.along(axis));
+        find_overstretched(&self.base, displacement, limit)
+    }
+
+    fn relative_displacement_beyond(&mut self, limit: f64) -> Option<f64> {
+        let displacement = std::array::from_fn(|axis| self.inputs.along(axis));
+        relative_displacement_beyond(self.base.bonds(), displacement, limit)
     }
 
     fn evaluate(&mut self, wanted: Wanted<'_>) -> Evaluated<'_> {

@@ -152,11 +152,17 @@ fn stresses_turn_with_the_point() {
 
 #[test]
 fn forces_are_the_derivative_of_the_energy_and_tangents_that_of_forces() {
-    let maxwell = "formulation = 'correspondence'\nlaw.test_maxwell = {}";
-    let finite = format!("{maxwell}\nkinematics = 'finite'");
-    let staggered = maxwell.replace("correspondence", "staggered");
-    for cells in [[7, 6, 5], [9, 8, 1]] {
-        for keys in [NEO_HOOKEAN, maxwell, &finite, &staggered] {
+    let laws = [
+        "kinematics = 'finite'\nlaw.neo_hookean = {}",
+        "law.test_maxwell = {}",
+        "law.test_maxwell = {}\nkinematics = 'finite'",
+    ];
+    let correspondence = laws.map(|law| format!("formulation = 'correspondence'\n{law}"));
+    // eigenstrains in disorder make modes without strain, which turn with the points
+    let staggered = laws.into_iter().chain(["kinematics = 'finite'"]);
+    let staggered = staggered.map(|law| format!("formulation = 'staggered'\n{law}"));
+    for keys in correspondence.into_iter().chain(staggered) {
+        for cells in [[7, 6, 5], [9, 8, 1]] {
             for plane in ["stress", "strain"] {
                 check_derivatives(&rubber(cells), &format!("plane = '{plane}'\n{keys}"), true);
             }

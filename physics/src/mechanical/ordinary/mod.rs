@@ -21,7 +21,8 @@ use super::solid::{
 use super::specialise::specialise;
 use super::stretch::{
     Block, BondForce, BondLaw, CRITICAL, EIGENSTRAIN, ElasticEnergy, Energy, Force, INPUTS,
-    LINEAR_STATES, Plastic, STIFFNESS, Stress, WeightOverLength,
+    LINEAR_STATES, Plastic, STIFFNESS, Stress, WeightOverLength, find_overstretched,
+    relative_displacement_beyond,
 };
 use dilatation::Dilatation;
 use forces::Sum;
@@ -66,6 +67,7 @@ impl<L: BondForce> Ordinary<L> {
         let properties = Properties {
             bonds_shear: false,
             // bonds carry forces along themselves, but flow follows the strain of whole families
+            has_finite_tangent: false,
             has_symmetric_plastic_tangent: false,
         };
         let mut base = SolidBase::new(body, family, constitution, properties);
@@ -292,8 +294,12 @@ impl<L: BondForce> Solid for Ordinary<L> {
         self.base.continue_displacement(values, rules, vector);
     }
 
-    fn displacement(&self) -> [&[f64]; 3] {
-        self.inputs.displacement()
+    fn find_overstretched(&mut self, limit: f64) -> Option<usize> {
+        find_overstretched(&self.base, self.inputs.displacement(), limit)
+    }
+
+    fn relative_displacement_beyond(&mut self, limit: f64) -> Option<f64> {
+        relative_displacement_beyond(self.base.bonds(), self.inputs.displacement(), limit)
     }
 
     fn evaluate(&mut self, wanted: Wanted<'_>) -> Evaluated<'_> {

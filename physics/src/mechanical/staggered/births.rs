@@ -1,11 +1,11 @@
-//! Displacement of corners that get material.
+//! Motion of corners that get material.
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::LayerRule;
 
 use super::Corners;
 use crate::mechanical::growth::continued_part;
-use crate::mechanical::nodes::Held;
+use crate::mechanical::nodes::{CornerMotion, Held};
 
 /// Material that is born.
 #[derive(Clone, Copy, Debug)]
@@ -25,16 +25,20 @@ pub(in crate::mechanical) struct Births<'a> {
 struct Known {
     displacement: Vector3<f64>,
     gradient: Matrix3<f64>,
+    velocity: Vector3<f64>,
 }
 
 impl Corners {
-    /// Sets the displacement (m) of corners that have material now and had none before: it continues that of the corners
-    /// with which they share a cell, next to the body first.
-    pub(in crate::mechanical) fn place_born(&self, displacement: &mut [f64], births: Births<'_>) {
-        let (nodes, _) = displacement.as_chunks_mut::<3>();
-        let mut known: Vec<Option<Known>> = (0..nodes.len())
-            .map(|corner| self.known(corner, nodes[corner], births))
-            .collect();
+    /// Sets the motion of corners that have material now and had none before: it continues that of the corners with which
+    /// they share a cell, next to the body first.
+    pub(in crate::mechanical) fn place_born(&self, motion: &mut CornerMotion, births: Births<'_>) {
+        let (nodes, _) = motion.displacement.as_chunks_mut::<3>();
+        let (velocities, _) = motion.velocity.as_chunks_mut::<3>();
+        let known = |corner: usize| {
+            let velocity = velocities.get(corner).copied().unwrap_or_default();
+            self.known(corner, [nodes[corner], velocity], births)
+        };
+        let mut known: Vec<Option<Known>> = (0..nodes.len()).map(known).collect();
         let is_waiting = |corner: &usize| {
             known[*corner].is_none() && self.around(*corner, births.present).next().is_some()
         };
@@ -55,6 +59,9 @@ impl Corners {
         let held = self.held(Held::default(), births.rules, births.present);
         for corner in born {
             let placed = known[corner].unwrap_or_default();
+            if let Some(velocity) = velocities.get_mut(corner) {
+                *velocity = placed.velocity.into();
+            }
             for (axis, u) in nodes[corner].iter_mut().enumerate() {
                 let component = 3 * corner + axis;
                 *u = match held.count[component] > 0.0 {
@@ -66,12 +73,18 @@ impl Corners {
     }
 
     /// A corner that had material before.
-    fn known(&self, corner: usize, displacement: [f64; 3], births: Births<'_>) -> Option<Known> {
+    fn known(
+        &self,
+        corner: usize,
+        [displacement, velocity]: [[f64; 3]; 2],
+        births: Births<'_>,
+    ) -> Option<Known> {
         let around = || self.around(corner, births.was_present);
         let count = around().count();
         let gradients = around().map(|(_, point)| continued_part(&births.gradients[point]));
         (count > 0).then(|| Known {
             displacement: displacement.into(),
+            velocity: velocity.into(),
             gradient: gradients.sum::<Matrix3<f64>>() / count as f64,
         })
     }
@@ -87,12 +100,14 @@ impl Corners {
                 let xi = self.position[corner] - self.position[other as usize];
                 let weight = 1.0 / xi.norm_squared();
                 sum.displacement += weight * (known.displacement + known.gradient * xi);
+                sum.velocity += weight * known.velocity;
                 sum.gradient += weight * known.gradient;
                 total += weight;
             }
         }
         (total > 0.0).then(|| Known {
             displacement: sum.displacement / total,
+            velocity: sum.velocity / total,
             gradient: sum.gradient / total,
         })
     }

@@ -4,7 +4,7 @@ use perimelt_core::body::Lattice;
 use perimelt_core::family::LayerRule;
 use perimelt_core::{Body, Correction, Influence, PartialVolume, SetupError};
 
-use crate::mechanical::keys::{Kinematics, Mechanical, MechanicalSolver};
+use crate::mechanical::keys::Mechanical;
 use crate::mechanical::surface_stress::SurfaceStress;
 
 /// Refuses keys and layers that do not go together with corners as nodes.
@@ -12,15 +12,8 @@ pub(in crate::mechanical) fn check(
     keys: &Mechanical,
     rules: &[LayerRule],
 ) -> Result<(), SetupError> {
-    let is_quasi_static = matches!(keys.solver, MechanicalSolver::QuasiStatic { .. });
     for (key, is_supported, expected) in [
         ("fracture", keys.fracture.is_none(), "no `fracture`"),
-        (
-            "kinematics",
-            keys.kinematics == Kinematics::Linear,
-            "\"linear\"",
-        ),
-        ("solver", is_quasi_static, "\"quasi_static\""),
         (
             "surface_stress",
             keys.surface_stress == SurfaceStress::Direct,
@@ -61,7 +54,7 @@ pub(in crate::mechanical) fn check(
 }
 
 /// The lattice of a body; refuses bodies whose cells do not meet at corners.
-pub(in crate::mechanical) fn lattice(body: &Body) -> Result<&Lattice, SetupError> {
+pub(super) fn lattice(body: &Body) -> Result<&Lattice, SetupError> {
     let refuse = |what: &str| {
         let message = format!(
             "`formulation = \"staggered\"` does not support body `{}`, which {what}",

@@ -6,7 +6,7 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::{Body, Face};
 use rayon::prelude::*;
 
-use crate::mechanical::nodes::{Held, HeldNodes, PointLoads};
+use crate::mechanical::nodes::{Held, HeldCorners, PointLoads};
 
 /// Corners of a cell in three dimensions.
 pub(in crate::mechanical) const CORNERS: usize = 8;
@@ -29,6 +29,8 @@ pub struct Corners {
     pub(super) points: Vec<[u32; CORNERS]>,
     /// m.
     pub(in crate::mechanical) position: Vec<Vector3<f64>>,
+    /// Volume of a cell, m³, for each corner.
+    pub(in crate::mechanical) volume: Vec<f64>,
     /// Corners on the faces of the box.
     on_face: [Vec<u32>; 6],
 }
@@ -87,6 +89,7 @@ impl Corners {
             spacing: lattice.spacing,
             of_point,
             points,
+            volume: vec![body.points.volume[0]; position.len()],
             position,
             on_face,
         }
@@ -141,23 +144,59 @@ impl Corners {
         });
     }
 
-    /// Displacement (m) of each corner from that of points: the mean of the points around.
-    pub(in crate::mechanical) fn around_points(&self, points: &[Vector3<f64>]) -> Vec<f64> {
+    /// Values of the corners from those of points, exact where they are linear: the mean of what the points around continue to it.
+    pub(in crate::mechanical) fn around_points(
+        &self,
+        body: &Body,
+        points: &[Vector3<f64>],
+    ) -> Vec<f64> {
+        let slope = |point: usize, axis: usize| {
+            let at = |face: Face| body.neighbour(point, face).map(|other| points[other]);
+            let own = points[point];
+            let (below, above) = (at(Face::ALL[2 * axis]), at(Face::ALL[2 * axis + 1]));
+            match (below, above) {
+                (Some(below), Some(above)) => 0.5 * (above - below),
+                (Some(below), None) => own - below,
+                (None, Some(above)) => above - own,
+                (None, None) => Vector3::zeros(),
+            }
+        };
+        let continued = |(number, point): (usize, usize)| {
+            let along = |axis: usize| 0.5 * sign(number, axis) * slope(point, axis);
+            points[point] + (0..self.dimension).map(along).sum::<Vector3<f64>>()
+        };
         let mean = |corner: usize| {
             let around = || self.around(corner, &[]);
-            let sum: Vector3<f64> = around().map(|(_, point)| points[point]).sum();
+            let sum: Vector3<f64> = around().map(continued).sum();
             <[f64; 3]>::from(sum / around().count() as f64)
         };
         (0..self.points.len()).flat_map(mean).collect()
     }
 
+    /// Density (kg/m³) of each corner: its part of the mass of the points around, per volume of a cell.
+    pub(in crate::mechanical) fn densities(&self, points: &[f64], present: &[bool]) -> Vec<f64> {
+        let part = 1.0 / self.of_cell() as f64;
+        let of_corner = |corner: usize| {
+            let around = self.around(corner, present);
+            around.map(|(_, point)| part * points[point]).sum()
+        };
+        (0..self.points.len()).map(of_corner).collect()
+    }
+
     /// Force per volume of a point (N/m³) on each corner. A force that acts at a face of a cell goes to its corners.
-    pub(in crate::mechanical) fn loads(&self, loads: PointLoads<'_>, present: &[bool]) -> Vec<f64> {
+    pub(in crate::mechanical) fn loads(
+        &self,
+        loads: PointLoads<'_>,
+        present: &[bool],
+        out: &mut Vec<f64>,
+    ) {
         let PointLoads { force, moment } = loads;
         let (share, arm) = (1.0 / self.of_cell() as f64, 2.0 / self.spacing);
-        let mut out = vec![[0.0; 3]; self.points.len()];
-        let all = out.par_iter_mut().enumerate().with_min_len(1024);
+        out.resize(3 * self.points.len(), 0.0);
+        let (corners, _) = out.as_chunks_mut::<3>();
+        let all = corners.par_iter_mut().enumerate().with_min_len(1024);
         all.for_each(|(corner, sum)| {
+            *sum = [0.0; 3];
             for (number, point) in self.around(corner, present) {
                 for (axis, sum) in sum.iter_mut().enumerate() {
                     *sum += share * force.get(point).map_or(0.0, |force| force[axis]);
@@ -168,7 +207,6 @@ impl Corners {
                 }
             }
         });
-        out.into_flattened()
     }
 
     /// The corners that are held.
@@ -180,7 +218,7 @@ impl Corners {
         held: Held<'_>,
         rules: &[LayerRule],
         present: &[bool],
-    ) -> HeldNodes<'static> {
+    ) -> HeldCorners {
         let [mut count, mut sum] = [(); 2].map(|()| vec![0.0; 3 * self.points.len()]);
         let mut hold = |corner: u32, axis: usize, [by, at]: [f64; 2]| {
             count[3 * corner as usize + axis] += by;
@@ -202,10 +240,7 @@ impl Corners {
                 }
             }
         }
-        HeldNodes {
-            count: count.into(),
-            sum: sum.into(),
-        }
+        HeldCorners::new(count, sum)
     }
 
     /// The corners that a held point holds.

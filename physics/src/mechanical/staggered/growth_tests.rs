@@ -12,9 +12,10 @@ use perimelt_core::{
 use serde::{Deserialize, Serialize};
 
 use crate::mechanical::Mechanical;
-use crate::testing::{block, read, values};
+use crate::testing::{block, read, set, values};
 
-const STEEL: &str = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\nyield_stress = 2e8\nhardening_modulus = 1e9";
+const STEEL: &str =
+    "youngs_modulus = 2e11\npoissons_ratio = 0.3\nyield_stress = 2e8\nhardening_modulus = 1e9";
 
 /// Strains points that are there from the start, unevenly, and gives the others material in an order without rule from a
 /// time on; temperatures rise and fall.
@@ -83,9 +84,21 @@ impl RunningCoupler for Growth {
     }
 }
 
-fn growing(strain: f64, from: f64, cut: f64, keys: &str, cells: [usize; 3]) -> Simulation {
+fn growing(
+    strain: f64,
+    from: f64,
+    cut: f64,
+    keys: &str,
+    (cells, density): ([usize; 3], f64),
+) -> Simulation {
     let dimension = cells.iter().filter(|c| **c > 1).count();
-    let body = block(cells, dimension, 1e-3, Store::Lattice, STEEL);
+    let body = block(
+        cells,
+        dimension,
+        1e-3,
+        Store::Lattice,
+        &format!("density = {density}\n{STEEL}"),
+    );
     let mechanical: Mechanical = read(&format!("formulation = 'staggered'\n{keys}"));
     let plugin = Box::new(Growth {
         strain,
@@ -129,7 +142,7 @@ fn run_until(s: &mut Simulation, steps: usize) {
 #[test]
 fn births_change_no_stress() {
     for cells in [[6, 8, 1], [5, 4, 6]] {
-        let mut s = growing(1e-3, 0.45, 2.0, "", cells);
+        let mut s = growing(1e-3, 0.45, 2.0, "", (cells, 8e3));
         s.start().expect("starts");
         run_until(&mut s, 4);
         let before = values(&s, "stress");
@@ -146,14 +159,19 @@ fn births_change_no_stress() {
     }
 }
 
-/// Growing, yielding and annealed, cut off in the end.
+/// Growing, yielding and annealed, or in motion, cut off in the end.
 #[test]
 fn a_resumed_run_has_the_same_bits_on_any_number_of_threads() {
-    for cells in [[6, 8, 1], [5, 4, 6]] {
-        let prepare = || {
-            let keys = "plasticity = { annealing_temperature = 1300 }\nplane = 'strain'\nsolver.quasi_static = { tolerance = 1e-6 }";
-            growing(4e-3, 0.15, 0.85, keys, cells)
-        };
+    let equilibrium = "plasticity = { annealing_temperature = 1300 }\nplane = 'strain'\nsolver.quasi_static = { tolerance = 1e-6 }";
+    // so heavy that a step of 0.01 s is stable
+    let motion = "solver.explicit = {}\nstep = 0.01";
+    for (cells, keys, strain, density) in [
+        ([6, 8, 1], equilibrium, 4e-3, 8e3),
+        ([5, 4, 6], equilibrium, 4e-3, 8e3),
+        ([6, 8, 1], motion, 1e-3, 1e14),
+        ([5, 4, 6], motion, 1e-3, 1e14),
+    ] {
+        let prepare = || growing(strain, 0.15, 0.85, keys, (cells, density));
         let whole = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             pool.build().expect("a pool").install(|| {
@@ -173,5 +191,24 @@ fn a_resumed_run_has_the_same_bits_on_any_number_of_threads() {
         second.load(&state).expect("loaded");
         run_until(&mut second, 5);
         assert!(expected == second.save().expect("saved"), "resumed");
+    }
+}
+
+/// The momentum of what comes and goes is part of the balance, also where it shares corners with what stays.
+#[test]
+fn momentum_is_balanced_while_points_come_and_go() {
+    for cells in [[6, 8, 1], [5, 4, 6]] {
+        let keys = "solver.explicit = {}\nstep = 0.01";
+        let mut s = growing(1e-3, 0.15, 0.85, keys, (cells, 1e14));
+        set::<3>(&mut s, "velocity", |[x, y, _]| {
+            [2e-4 - 0.1 * y, 0.1 * x, 0.0]
+        });
+        s.start().expect("starts");
+        run_until(&mut s, 10);
+        for balance in &s.balances()[0].1[..2] {
+            assert!(balance.supplied.abs() > 1e-3 * balance.size, "{balance:?}");
+            // rounding of some hundred steps
+            assert!(balance.error().abs() < 1e-12 * balance.size, "{balance:?}");
+        }
     }
 }

@@ -1,18 +1,19 @@
 //! What the solvers ask of a staggered solid.
 
+use nalgebra::Matrix3;
 use perimelt_core::family::{AxisPlane, LayerRule};
 use perimelt_core::solver::Spring;
 use rayon::prelude::*;
 
 use super::super::base::SolidBase;
-use super::super::classical::COMPONENTS;
+use super::super::classical::{COMPONENTS, Point};
 use super::super::fracture::{FractureState, NewBreaks};
 use super::super::moduli::Moduli;
 use super::super::solid::{
-    Evaluated, PointStates, Solid, Stiffness, StrainKind, StressFreeStrain, StressKind, Wanted,
+    Evaluated, PointStates, Solid, Stiffness, StressFreeStrain, StressKind, Wanted,
 };
 use super::corners::sign;
-use super::kernels::{Amplitudes, CellState, Elastic, amplitudes, mode_at, modes};
+use super::kernels::{Amplitudes, CellState, Elastic, mode_at, modes};
 use super::{CHUNK, Staggered};
 
 impl<const D: usize> Solid for Staggered<D> {
@@ -54,9 +55,21 @@ impl<const D: usize> Solid for Staggered<D> {
         self.displacement.copy_from_slice(nodes);
     }
 
-    /// Nothing by slot: there are no bonds.
-    fn displacement(&self) -> [&[f64]; 3] {
-        [&[]; 3]
+    fn find_overstretched(&mut self, limit: f64) -> Option<usize> {
+        let finite = self.base.is_finite();
+        let (point, strain) = self.largest(|gradient| Point::strain(gradient, finite).norm())?;
+        // the norm of Green's strain under uniaxial stretch
+        let limit = if finite {
+            limit * (1.0 + 0.5 * limit)
+        } else {
+            limit
+        };
+        (strain > limit).then_some(point)
+    }
+
+    fn relative_displacement_beyond(&mut self, limit: f64) -> Option<f64> {
+        let (_, largest) = self.largest(Matrix3::norm)?;
+        (largest > limit).then_some(largest)
     }
 
     fn evaluate(&mut self, wanted: Wanted<'_>) -> Evaluated<'_> {
@@ -86,21 +99,18 @@ impl<const D: usize> Solid for Staggered<D> {
     }
 
     fn linearise(&mut self, damping: f64) {
-        self.load_gradient();
-        self.base.linearise(Some(&self.gradient), damping);
+        self.linearise_points(damping);
     }
 
     fn stiffness(&mut self, kind: Stiffness, out: &mut [f64]) {
-        match kind {
-            Stiffness::Tangent if self.base.law_points.is_some() => {
-                self.load_gradient();
-                self.load_states(StrainKind::Change);
-            }
-            Stiffness::Tangent => {
-                self.load_elastic_states();
-                self.subtract_flow();
-            }
-            Stiffness::Elastic => self.load_elastic_states(),
+        if kind == Stiffness::Tangent && !self.has_linear_points() {
+            self.load_tangent_states();
+            self.gather(1.0, self.base.is_finite(), out);
+            return;
+        }
+        self.load_elastic_states();
+        if kind == Stiffness::Tangent {
+            self.subtract_flow();
         }
         self.gather(1.0, false, out);
     }
@@ -151,24 +161,28 @@ impl<const D: usize> Solid for Staggered<D> {
         }
     }
 
-    /// The frequency of the shortest wave along an axis, `2 c_p / h`, which no other exceeds where corners carry the mass of their cells.
+    /// The largest frequency of a single cell, which that of no body of such cells exceeds, whatever is held or missing
+    /// (docs/theory/mechanics.md): its corners move along `d_q`, or by a mode without strain.
     fn largest_frequency(&mut self, density: &[f64], _rules: &[LayerRule]) -> f64 {
+        let square = self.cell.spacing * self.cell.spacing;
         let of_point = |(point, density): (usize, &f64)| {
-            let Moduli { lame, shear, .. } = self.base.elastic.moduli(point);
-            2.0 / self.cell.spacing * ((lame + 2.0 * shear) / density).sqrt()
+            let Moduli { bulk, shear, .. } = self.base.elastic.moduli(point);
+            let strain = 4.0 / square * (D as f64 * bulk).max(2.0 * shear);
+            let modes = f64::from(1 << D)
+                * self.springs.modulus(&self.base.elastic.moduli(point), D)
+                / square;
+            strain.max(modes) / density
         };
-        density.iter().enumerate().map(of_point).fold(0.0, f64::max)
+        let squares = density.iter().enumerate().map(of_point);
+        (squares.fold(0.0, f64::max) * self.base.elastic_law.steepest).sqrt()
     }
 
     fn relieve_modes(&mut self, is_relieved: &dyn Fn(usize) -> bool) {
         self.relieved
             .resize(self.spring.len(), Amplitudes::default());
+        self.load_gradient();
         for point in (0..self.spring.len()).filter(|p| is_relieved(*p)) {
-            let modes = amplitudes::<D>(&self.displacement, &self.corners.of_point[point]);
-            let of_eigenstrain = self.eigenstrain_modes(point);
-            for (mode, relieved) in self.relieved[point].iter_mut().enumerate() {
-                (0..D).for_each(|a| relieved[a] = modes[mode][a] - of_eigenstrain[mode][a]);
-            }
+            self.relieve(point);
         }
         self.is_mode_load_current = false;
     }
@@ -217,10 +231,17 @@ impl<const D: usize> Solid for Staggered<D> {
 }
 
 impl<const D: usize> Staggered<D> {
+    /// The point with the largest measure of its gradient; `None` without numbers.
+    fn largest(&mut self, measure: impl Fn(&Matrix3<f64>) -> f64) -> Option<(usize, f64)> {
+        self.load_gradient();
+        let measures = self.gradient.values.iter().map(measure).enumerate();
+        measures.max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
     /// Force density of a cell against the displacement of one of its corners, N/m³.
     fn force_of_cell(&self, point: usize, q: usize, corner: usize) -> [f64; D] {
         let CellState { slope, mean } = &self.states[point];
-        let free = self.free_modes(point);
+        let free = self.carried_modes(point);
         std::array::from_fn(|a| {
             let along: f64 = (0..D).map(|b| slope[a][b] * sign(q, b)).sum();
             let modes: f64 = (0..modes(D)).map(|m| free[m][a] * mode_at(m, q)).sum();

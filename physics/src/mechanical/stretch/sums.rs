@@ -3,7 +3,7 @@
 use perimelt_core::{Bond, BondKernel};
 
 use super::{EIGENSTRAIN, Ends, INPUTS, dyad, elastic_stretch, stretched, stretched_by};
-use crate::mechanical::base::Bonds;
+use crate::mechanical::base::{Bonds, SolidBase};
 use crate::mechanical::specialise::specialise;
 
 /// `sum_j w s`.
@@ -131,12 +131,12 @@ impl<const FINITE: bool> BondKernel<3, 1> for Overstretch<FINITE> {
 
 /// The point of which unbroken bonds exceed a stretch the most, in finite or linear kinematics; `None` if no bond does.
 pub(in crate::mechanical) fn find_overstretched(
-    bonds: Bonds<'_>,
+    base: &SolidBase,
     displacement: [&[f64]; 3],
-    finite: bool,
     limit: f64,
 ) -> Option<usize> {
-    let Bonds { family, broken } = bonds;
+    let Bonds { family, broken } = base.bonds();
+    let finite = base.is_finite();
     let mut sums = vec![[0.0]; family.points()];
     specialise!(FINITE = finite =>
         family.sum_unbroken(&Overstretch::<FINITE>(limit), displacement, broken, &mut sums));

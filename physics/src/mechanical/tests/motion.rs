@@ -6,6 +6,8 @@ use super::super::Mechanical;
 use super::{CELLS, Evaluated, FORMULATIONS, STEEL, affine, evaluate, solid};
 use crate::testing::{block, read, run, set, simulation, values};
 
+const STAGGERED: &str = "formulation = 'staggered'";
+
 /// Wang (2025), 4.3.4: a square bar that is released from a strain along its axis moves alike along y and z.
 #[test]
 fn a_square_bar_moves_alike_along_both_of_its_sides() {
@@ -39,7 +41,7 @@ fn a_rigid_rotation_meets_no_force_under_finite_kinematics() {
     let (sin, cos) = 0.7f64.sin_cos();
     let rotation = affine([[cos - 1.0, -sin, 0.0], [sin, cos - 1.0, 0.0], [0.0; 3]]);
     for cells in &CELLS[1..] {
-        for formulation in FORMULATIONS {
+        for formulation in FORMULATIONS.into_iter().chain([STAGGERED]) {
             let keys = format!("kinematics = \"finite\"\n{formulation}");
             let evaluated = evaluate(*cells, &keys, &rotation);
             // stress of a strain of one bit: 2e11 Pa 1e-16 over a spacing, and some bonds to sum
@@ -60,7 +62,7 @@ fn a_rigid_rotation_meets_no_force_under_finite_kinematics() {
 #[test]
 fn both_kinematics_agree_for_small_strains() {
     let displacement = |[x, y, z]: [f64; 3]| [1e-9 * (300.0 * y).sin(), 2e-7 * x, 1e-7 * z * x];
-    for formulation in FORMULATIONS {
+    for formulation in FORMULATIONS.into_iter().chain([STAGGERED]) {
         let linear = evaluate(CELLS[2], formulation, displacement).force;
         let keys = format!("kinematics = \"finite\"\n{formulation}");
         let finite = evaluate(CELLS[2], &keys, displacement).force;
@@ -116,14 +118,20 @@ fn forces_are_the_derivative_of_the_energy_and_cancel() {
 
 #[test]
 fn free_vibration_keeps_momentum_and_energy_and_has_the_classical_wave_speed() {
+    for formulation in ["bond", "staggered"] {
+        free_vibration(&format!("formulation = '{formulation}'"));
+    }
+}
+
+fn free_vibration(formulation: &str) {
     let length = 0.1;
     let body = block([100, 1, 1], 1, 1e-3, Store::Lattice, STEEL);
     let wave_speed = (2e11f64 / 8000.0).sqrt();
     let period = 2.0 * length / wave_speed;
-    let keys = "solver.explicit = {}\nstep = 2e-8";
+    let keys = format!("{formulation}\nsolver.explicit = {{}}\nstep = 2e-8");
     let mut s = simulation(
         body,
-        vec![Box::new(read::<Mechanical>(keys))],
+        vec![Box::new(read::<Mechanical>(&keys))],
         vec![],
         period,
     );
@@ -150,7 +158,8 @@ fn free_vibration_keeps_momentum_and_energy_and_has_the_classical_wave_speed() {
 
 #[test]
 fn the_stable_step_is_stable_and_not_much_too_small() {
-    for (cells, formulation) in CELLS.iter().flat_map(|c| FORMULATIONS.map(|f| (*c, f))) {
+    let formulations = FORMULATIONS.into_iter().chain([STAGGERED]);
+    for (cells, formulation) in formulations.flat_map(|f| CELLS.map(|c| (c, f))) {
         for factor in [1.0, 2.2] {
             let keys = format!("solver.explicit = {{}}\n{formulation}");
             let mut s = solid(cells, &keys, 1e-4, 1.0);
