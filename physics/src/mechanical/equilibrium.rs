@@ -88,7 +88,8 @@ impl Statics {
         self.coarse.update(body, residual, present);
         // Traction layers follow the points, but points do not follow the layers: this makes the tangent
         // nonsymmetric. So does plastic flow that follows another strain than that of the bonds, or whose law is nonsymmetric.
-        let nonsymmetric = residual.rules.iter().any(|r| r.traction.is_some())
+        let has_layers = residual.solid.base().nodes.corners().is_none();
+        let nonsymmetric = has_layers && residual.rules.iter().any(|r| r.traction.is_some())
             || residual.tangent == Tangent::Linearised
                 && !residual.solid.base().has_symmetric_tangent();
         self.newton.options.krylov = match nonsymmetric {
@@ -198,13 +199,14 @@ pub(super) fn newton(
 ) -> Result<Work, SolverError> {
     let force = run.fields.body_force.map(|b| world.read(b));
     let moment = run.fields.body_force_moment.map(|m| world.read(m));
+    let rules = world.layer_rules(run.layers);
     let loads = PointLoads {
         force: force.as_deref().unwrap_or(&[]),
         moment: moment.as_deref().unwrap_or(&[]),
+        faces: &rules,
     };
     let nodes = run.nodes().clone();
     let constraint = &run.constraints(world)[..];
-    let rules = world.layer_rules(run.layers);
     let mut displacement = world.write(run.fields.displacement);
     let body = world.body(run.body);
     let is_plastic = run.fields.plastic.is_some();
@@ -341,13 +343,14 @@ fn rounding(solid: &mut dyn Solid, eigenstrain: f64, displacement: &[f64]) -> f6
 pub(super) fn relax(run: &mut MechanicalRun, world: &World) -> Result<Work, SolverError> {
     let force = run.fields.body_force.map(|b| world.read(b));
     let moment = run.fields.body_force_moment.map(|m| world.read(m));
+    let rules = world.layer_rules(run.layers);
     let loads = PointLoads {
         force: force.as_deref().unwrap_or(&[]),
         moment: moment.as_deref().unwrap_or(&[]),
+        faces: &rules,
     };
     let nodes = run.nodes().clone();
     let constraint = &run.constraints(world)[..];
-    let rules = world.layer_rules(run.layers);
     let mut displacement = world.write(run.fields.displacement);
     let dimension = world.body(run.body).dimension;
     let MechanicalRun {

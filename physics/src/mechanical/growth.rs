@@ -214,9 +214,12 @@ impl<'a> Surroundings<'a> {
 impl MechanicalRun {
     /// Takes up points that became active or inactive since the last step; whether there are any.
     pub(super) fn follow_activity(&mut self, world: &World) -> bool {
-        let Some(active) = world.present_points(self.body) else {
+        let Some(mut active) = world.present_points(self.body) else {
             return false;
         };
+        if let Some(corners) = self.nodes().corners() {
+            corners.leave_out_hinges(&mut active, &self.state.present);
+        }
         let has_changed = active != self.state.present;
         if has_changed {
             self.change_presence(world, active);

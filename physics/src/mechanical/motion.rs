@@ -29,9 +29,11 @@ impl MechanicalRun {
         let (nodes, body) = (self.nodes().clone(), world.body(self.body));
         let body_force = self.fields.body_force.map(|b| world.read(b));
         let moment = self.fields.body_force_moment.map(|m| world.read(m));
+        let rules = world.layer_rules(self.layers);
         let loads = PointLoads {
             force: body_force.as_deref().unwrap_or(&[]),
             moment: moment.as_deref().unwrap_or(&[]),
+            faces: &rules,
         };
         let body_force = nodes.loads(loads, &self.state.present, &mut self.loads);
         let mut displacement = world.write(self.fields.displacement);
@@ -55,7 +57,7 @@ impl MechanicalRun {
         let loaded = [&loaded_body_force[..], body_force];
         watch.work += half_work_of_change(volumes, loaded, motion.displacement);
         let dynamics = SolidDynamics {
-            rules: &world.layer_rules(self.layers),
+            rules: &rules,
             positions,
             volumes,
             body_force,
@@ -82,7 +84,7 @@ impl MechanicalRun {
         let impulse = world.read(impulse);
         let impulse = PointLoads {
             force: &impulse,
-            moment: &[],
+            ..PointLoads::default()
         };
         let impulse = nodes.loads(impulse, &self.state.present, &mut self.loads);
         let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());

@@ -50,6 +50,14 @@ pub(super) struct PointLoads<'a> {
     pub(super) force: &'a [Vector3<f64>],
     /// Its first moment about the point, N/m².
     pub(super) moment: &'a [Matrix3<f64>],
+    /// Layers behind faces of the box. Where nodes lie on the faces, their tractions act there.
+    pub(super) faces: &'a [LayerRule],
+}
+
+impl PointLoads<'_> {
+    fn is_loaded(&self) -> bool {
+        !self.force.is_empty() || self.faces.iter().any(|face| face.traction.is_some())
+    }
 }
 
 /// Components of nodes that are held; empty where nothing holds them.
@@ -192,12 +200,12 @@ impl Nodes {
     ) -> &'a [f64] {
         let of_points: &[f64] = bytemuck::cast_slice(loads.force);
         match self {
-            _ if of_points.is_empty() => &[],
-            Nodes::Corners(corners) => {
+            Nodes::Corners(corners) if loads.is_loaded() => {
                 corners.loads(loads, present, buffer);
                 buffer
             }
-            Nodes::Points if present.iter().all(|p| *p) => of_points,
+            Nodes::Corners(_) => &[],
+            Nodes::Points if of_points.is_empty() || present.iter().all(|p| *p) => of_points,
             Nodes::Points => {
                 let components = of_points.iter().enumerate();
                 buffer.clear();

@@ -41,7 +41,7 @@ pub(super) fn run(
     growth::check(keys, setup, body)?;
     let layers = setup.layers(body, &keys::DISPLACEMENT);
     if keys.formulation() == Formulation::Staggered {
-        staggered::check(keys, &layers.rules)?;
+        staggered::check(keys)?;
     }
     let family = family(keys, setup, body, layers.faces())?;
     let bent = traction_layer(keys, layers.rules)?;
@@ -116,7 +116,10 @@ fn traction_layer(
     keys: &Mechanical,
     rules: Vec<LayerRule>,
 ) -> Result<Option<LayerRule>, SetupError> {
-    let bent = rules.into_iter().find(|rule| rule.traction.is_some());
+    // the corners of a staggered solid lie on the faces
+    let has_layers = keys.formulation() != Formulation::Staggered;
+    let is_bent = |rule: &LayerRule| has_layers && rule.traction.is_some();
+    let bent = rules.into_iter().find(is_bent);
     if let (Some(_), Some(rule)) = (keys.solver.damping(), &bent) {
         let message = format!(
             "the traction on face `{}` acts by a layer, whose forces have no energy: a body in motion would gain energy \

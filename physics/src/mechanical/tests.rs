@@ -451,6 +451,9 @@ fn a_free_body_swells_without_stress_by_every_solver() {
             "formulation = \"correspondence\"",
             "formulation = \"correspondence\"\nsolver.relaxation = { relative_tolerance = 1e-8 }",
             "formulation = \"correspondence\"\nkinematics = \"finite\"",
+            "formulation = \"staggered\"",
+            "formulation = \"staggered\"\nsolver.relaxation = { relative_tolerance = 1e-8 }",
+            "formulation = \"staggered\"\nkinematics = \"finite\"",
         ] {
             let mut s = solid(cells, keys, 1e-3, 1.0);
             run(&mut s);

@@ -97,7 +97,10 @@ impl Corners {
                 let Some(known) = known[other as usize] else {
                     continue;
                 };
-                let xi = self.position[corner] - self.position[other as usize];
+                let mut xi = self.position[corner] - self.position[other as usize];
+                // across a periodic side
+                let wrapped = xi.iter_mut().filter(|x| x.abs() > 1.5 * self.spacing);
+                wrapped.for_each(|x| *x = -x.signum() * self.spacing);
                 let weight = 1.0 / xi.norm_squared();
                 sum.displacement += weight * (known.displacement + known.gradient * xi);
                 sum.velocity += weight * known.velocity;

@@ -36,24 +36,33 @@ pub struct Corners {
 }
 
 impl Corners {
-    /// Numbers the corners of the cells of `body`, x fastest.
+    /// Numbers the corners of the cells of `body`, x fastest. Points around a corner that are joined by no faces have a corner each:
+    /// those on both sides of a crack, and those that touch along an edge only. A periodic body has the same corners on opposite faces.
     pub(super) fn new(body: &Body, lattice: &Lattice) -> Self {
         let dimension = body.dimension;
-        let size: [usize; 3] =
-            std::array::from_fn(|a| lattice.cells[a] + usize::from(a < dimension));
+        let size: [usize; 3] = std::array::from_fn(|a| {
+            lattice.cells[a] + usize::from(a < dimension && !body.periodic[a])
+        });
         let place = |cell: &[u32; 3], corner: usize| {
-            let at: [usize; 3] = std::array::from_fn(|a| cell[a] as usize + (corner >> a & 1));
+            let at: [usize; 3] =
+                std::array::from_fn(|a| (cell[a] as usize + (corner >> a & 1)) % size[a]);
             (at[2] * size[1] + at[1]) * size[0] + at[0]
         };
-        let count = 1 << dimension;
-        let mut number = vec![NO_POINT; size.iter().product()];
-        for cell in &lattice.cell_of_point {
-            (0..count).for_each(|corner| number[place(cell, corner)] = 0);
+        let mut around = vec![[NO_POINT; CORNERS]; size.iter().product()];
+        for (point, cell) in lattice.cell_of_point.iter().enumerate() {
+            (0..1 << dimension)
+                .for_each(|corner| around[place(cell, corner)][corner] = point as u32);
         }
-        let mut position = Vec::new();
-        let mut on_face: [Vec<u32>; 6] = Default::default();
-        for (index, number) in number.iter_mut().enumerate().filter(|(_, n)| **n == 0) {
-            *number = position.len() as u32;
+        let mut this = Corners {
+            dimension,
+            spacing: lattice.spacing,
+            of_point: vec![[0; CORNERS]; body.points.len()],
+            points: Vec::new(),
+            position: Vec::new(),
+            volume: Vec::new(),
+            on_face: Default::default(),
+        };
+        for (index, around) in around.iter().enumerate() {
             let at = [
                 index % size[0],
                 index / size[0] % size[1],
@@ -61,38 +70,29 @@ impl Corners {
             ];
             let mut x = lattice.origin + Vector3::from(at.map(|n| n as f64 * lattice.spacing));
             (dimension..3).for_each(|a| x[a] += 0.5 * lattice.spacing);
-            position.push(x);
-            for face in Face::ALL.into_iter().filter(|f| f.axis() < dimension) {
-                let last = if face.is_upper() {
-                    lattice.cells[face.axis()]
-                } else {
-                    0
-                };
-                if at[face.axis()] == last {
-                    on_face[face as usize].push(*number);
+            for group in joined_groups(body, around) {
+                let number = this.position.len() as u32;
+                this.position.push(x);
+                for face in Face::ALL.into_iter().filter(|f| f.axis() < dimension) {
+                    let last = if face.is_upper() {
+                        size[face.axis()] - 1
+                    } else {
+                        0
+                    };
+                    if at[face.axis()] == last && !body.periodic[face.axis()] {
+                        this.on_face[face as usize].push(number);
+                    }
                 }
+                for (corner, &point) in group.iter().enumerate() {
+                    if point != NO_POINT {
+                        this.of_point[point as usize][corner] = number;
+                    }
+                }
+                this.points.push(group);
             }
         }
-        let mut points = vec![[NO_POINT; CORNERS]; position.len()];
-        let cells = lattice.cell_of_point.iter().enumerate();
-        let of_point = cells.map(|(point, cell)| {
-            let mut corners = [0; CORNERS];
-            for (corner, entry) in corners.iter_mut().enumerate().take(count) {
-                *entry = number[place(cell, corner)];
-                points[*entry as usize][corner] = point as u32;
-            }
-            corners
-        });
-        let of_point = of_point.collect();
-        Corners {
-            dimension,
-            spacing: lattice.spacing,
-            of_point,
-            points,
-            volume: vec![body.points.volume[0]; position.len()],
-            position,
-            on_face,
-        }
+        this.volume = vec![body.points.volume[0]; this.position.len()];
+        this
     }
 
     /// Number of corners of a cell.
@@ -151,7 +151,7 @@ impl Corners {
         points: &[Vector3<f64>],
     ) -> Vec<f64> {
         let slope = |point: usize, axis: usize| {
-            let at = |face: Face| body.neighbour(point, face).map(|other| points[other]);
+            let at = |face: Face| behind(body, point, face).map(|other| points[other]);
             let own = points[point];
             let (below, above) = (at(Face::ALL[2 * axis]), at(Face::ALL[2 * axis + 1]));
             match (below, above) {
@@ -183,14 +183,19 @@ impl Corners {
         (0..self.points.len()).map(of_corner).collect()
     }
 
-    /// Force per volume of a point (N/m³) on each corner. A force that acts at a face of a cell goes to its corners.
+    /// Force per volume of a point (N/m³) on each corner. A force that acts at a face of a cell goes to its corners, and so does a
+    /// traction on a face of the box.
     pub(in crate::mechanical) fn loads(
         &self,
         loads: PointLoads<'_>,
         present: &[bool],
         out: &mut Vec<f64>,
     ) {
-        let PointLoads { force, moment } = loads;
+        let PointLoads {
+            force,
+            moment,
+            faces,
+        } = loads;
         let (share, arm) = (1.0 / self.of_cell() as f64, 2.0 / self.spacing);
         out.resize(3 * self.points.len(), 0.0);
         let (corners, _) = out.as_chunks_mut::<3>();
@@ -207,6 +212,14 @@ impl Corners {
                 }
             }
         });
+        for (rule, traction) in faces.iter().filter_map(|f| f.traction.map(|t| (f, t))) {
+            for &corner in &self.on_face[rule.face as usize] {
+                let cells = self.around(corner as usize, present).count() as f64;
+                let sum = &mut corners[corner as usize];
+                let stress = traction.stress;
+                (0..self.dimension).for_each(|a| sum[a] += share * arm * cells * stress[a]);
+            }
+        }
     }
 
     /// The corners that are held.
@@ -264,4 +277,48 @@ impl Corners {
         };
         corners.filter(follows).chain(lone)
     }
+}
+
+/// The point behind a face of the cell of a point, unless a crack is between them.
+pub(super) fn behind(body: &Body, point: usize, face: Face) -> Option<usize> {
+    let other = body.neighbour(point, face)?;
+    let from = body.points.position[point];
+    let to = from + body.points.spacing[point] * face.normal();
+    let is_cut = body.cuts.iter().any(|cut| cut.crosses(&from, &to));
+    (!is_cut).then_some(other)
+}
+
+/// The points around a place that are joined by faces with each other, by the number of the corner that it is of their cells.
+fn joined_groups(body: &Body, around: &[u32; CORNERS]) -> impl Iterator<Item = [u32; CORNERS]> {
+    let are_joined = |corner: usize, axis: usize| {
+        // the cell whose upper corner along the axis this is lies below
+        let [below, above] = [corner | 1 << axis, corner & !(1 << axis)].map(|q| around[q]);
+        let both = below != NO_POINT && above != NO_POINT;
+        let face = Face::ALL[2 * axis + 1];
+        both && (body.cuts.is_empty() || behind(body, below as usize, face).is_some())
+    };
+    let mut group_of: [usize; CORNERS] = std::array::from_fn(|corner| corner);
+    let mut is_done = false;
+    while !is_done {
+        is_done = true;
+        for corner in 0..CORNERS {
+            for axis in (0..body.dimension).filter(|axis| are_joined(corner, *axis)) {
+                let other = corner ^ 1 << axis;
+                is_done &= group_of[corner] == group_of[other];
+                let least = group_of[corner].min(group_of[other]);
+                (group_of[corner], group_of[other]) = (least, least);
+            }
+        }
+    }
+    let around = *around;
+    (0..CORNERS).filter_map(move |group| {
+        let members = std::array::from_fn(|corner| match group_of[corner] == group {
+            true => around[corner],
+            false => NO_POINT,
+        });
+        members
+            .iter()
+            .any(|point| *point != NO_POINT)
+            .then_some(members)
+    })
 }

@@ -22,12 +22,17 @@ mod checks;
 mod corners;
 mod forces;
 #[cfg(test)]
+mod frequency_tests;
+#[cfg(test)]
 mod growth_tests;
+mod hinges;
 mod kernels;
 mod modes;
 mod solid;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod topology_tests;
 
 use std::sync::Arc;
 
@@ -161,7 +166,7 @@ impl<const D: usize> Staggered<D> {
         base.nodes = Nodes::Corners(corners.clone());
         base.set_law(law);
         let behind = |point: usize, face: Face| {
-            let other = body.neighbour(point, face)?;
+            let other = corners::behind(body, point, face)?;
             let material = &body.material_of_point;
             (material[other] == material[point]).then_some(other as u32)
         };

@@ -1,11 +1,10 @@
 //! Forces, stiffness and stress of staggered solids.
 
 use nalgebra::Vector3;
-use perimelt_core::body::{Body, Jitter};
+use perimelt_core::body::Body;
 use perimelt_core::family::LayerRule;
 use perimelt_core::shape::Shape;
-use perimelt_core::solver::largest_eigenvalue;
-use perimelt_core::{Axis, Face, Setup, World};
+use perimelt_core::{Face, Setup, World};
 
 use super::corners::Corners;
 use crate::mechanical::Mechanical;
@@ -15,11 +14,11 @@ use crate::mechanical::solid::{
 };
 use crate::testing::{material, read};
 
-const STEEL: &str = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\nyield_stress = 2e8\nhardening_modulus = 1e9";
-const SPACING: f64 = 1e-3;
+pub(super) const STEEL: &str = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\nyield_stress = 2e8\nhardening_modulus = 1e9";
+pub(super) const SPACING: f64 = 1e-3;
 
 /// A ring or a shell, whose surfaces are staircases, by dimension; a bar in 1D.
-fn staircase(dimension: usize) -> Body {
+pub(super) fn staircase(dimension: usize) -> Body {
     let sphere =
         |radius: f64| format!("sphere = {{ centre = [0.006, 0.006, 0.006], radius = {radius} }}");
     let shape: Shape = match dimension {
@@ -35,7 +34,7 @@ fn staircase(dimension: usize) -> Body {
     body
 }
 
-fn solid(body: &Body, keys: &str) -> Box<dyn Solid> {
+pub(super) fn solid(body: &Body, keys: &str) -> Box<dyn Solid> {
     let mechanical: Mechanical = read(&format!("formulation = 'staggered'\n{keys}"));
     let mut world = World::new(vec![body.clone()]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
@@ -43,12 +42,15 @@ fn solid(body: &Body, keys: &str) -> Box<dyn Solid> {
     mechanical.ready(&mut setup).expect("valid").run.solid
 }
 
-fn corners(solid: &dyn Solid) -> &Corners {
+pub(super) fn corners(solid: &dyn Solid) -> &Corners {
     solid.base().nodes.corners().expect("a staggered solid")
 }
 
 /// Displacement of the corners within the dimensions.
-fn displacement(solid: &dyn Solid, of: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vec<f64> {
+pub(super) fn displacement(
+    solid: &dyn Solid,
+    of: impl Fn(Vector3<f64>) -> Vector3<f64>,
+) -> Vec<f64> {
     let dimension = solid.base().dimension;
     let within = |x: &Vector3<f64>| {
         let u = of(*x);
@@ -65,7 +67,7 @@ fn uneven(solid: &dyn Solid, seed: f64) -> Vec<f64> {
     })
 }
 
-fn force(solid: &mut dyn Solid, displacement: &[f64]) -> Vec<f64> {
+pub(super) fn force(solid: &mut dyn Solid, displacement: &[f64]) -> Vec<f64> {
     let mut force = vec![0.0; displacement.len()];
     solid.set_displacement(displacement, &[]);
     solid.evaluate(Wanted::force(&mut force));
@@ -83,12 +85,12 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn largest(values: &[f64]) -> f64 {
+pub(super) fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |m, v| m.max(v.abs()))
 }
 
 /// All dimensions and planes.
-fn all(mut test: impl FnMut(&Body, &str)) {
+pub(super) fn all(mut test: impl FnMut(&Body, &str)) {
     for (dimension, plane) in [
         (1, ""),
         (2, "plane = 'stress'\n"),
@@ -213,6 +215,7 @@ fn uniform_strain_is_exact_everywhere() {
         let loads = PointLoads {
             force: &loads,
             moment: &moments,
+            faces: &[],
         };
         let mut at_corners = Vec::new();
         corners(&*solid).loads(loads, &[], &mut at_corners);
@@ -468,72 +471,4 @@ fn couplings_are_the_stiffness() {
             }
         }
     });
-}
-
-/// No body of cells vibrates faster than a single one, nor does its largest frequency stay far below.
-#[test]
-fn no_frequency_is_above_that_of_a_cell() {
-    all(|body, plane| {
-        for stabilisation in ["", "stabilisation = 0.1", "stabilisation = 4"] {
-            let mut solid = solid(body, &format!("{plane}{stabilisation}"));
-            let density = vec![8000.0; body.points.len()];
-            let limit = solid.largest_frequency(&density, &[]);
-            let dimension = body.dimension;
-            let at_nodes = solid.base().nodes.densities(&density, &[]);
-            let inverse = at_nodes.iter().flat_map(|rho| {
-                std::array::from_fn::<_, 3, _>(|a| if a < dimension { 1.0 / rho } else { 0.0 })
-            });
-            let inverse: Vec<f64> = inverse.collect();
-            let square = largest_eigenvalue(&inverse, |u, out| {
-                solid.set_displacement(u, &[]);
-                solid.stiffness(Stiffness::Elastic, out);
-            });
-            // the estimate has a margin of a tenth
-            let largest = (square / 1.1).sqrt();
-            let ratio = largest / limit;
-            assert!(
-                (0.7..1.0 + 1e-9).contains(&ratio),
-                "{plane}{stabilisation}: {ratio}"
-            );
-        }
-    });
-}
-
-/// What is not supported is told with its key.
-#[test]
-fn unsupported_keys_and_bodies_are_refused() {
-    let lattice = staircase(2);
-    let mut periodic = {
-        let shape: Shape = read("box = { min = [0, 0, 0], max = [0.003, 0.002, 1] }");
-        Body::fill("plate", &shape, 2, SPACING, 1.0).expect("valid")
-    };
-    periodic.repeat(&[Axis::X]).expect("it fills its box");
-    periodic.materials = vec![material(STEEL)];
-    let jitter = Jitter {
-        amplitude: 0.1,
-        seed: 1,
-    };
-    let cloud = lattice.clone().jittered(jitter).expect("valid");
-    for (body, keys, key) in [
-        (&lattice, "fracture = {}", "fracture"),
-        (
-            &lattice,
-            "surface_stress = 'extrapolated'",
-            "surface_stress",
-        ),
-        (&lattice, "horizon = 2", "horizon"),
-        (&lattice, "partial_volume = 'full'", "partial_volume"),
-        (&lattice, "influence = 'conical'", "influence"),
-        (&lattice, "correction = 'lattice'", "correction"),
-        (&lattice, "stabilisation = -1", "stabilisation"),
-        (&periodic, "", "formulation"),
-        (&cloud, "", "formulation"),
-    ] {
-        let mut world = World::new(vec![body.clone()]);
-        let mut setup = Setup::new(&mut world, std::path::Path::new("."));
-        setup.next_plugin("mechanical");
-        let mechanical: Mechanical = read(&format!("formulation = 'staggered'\n{keys}"));
-        let error = mechanical.ready(&mut setup).err().expect(keys);
-        assert_eq!(error.key, key, "{error:?}");
-    }
 }
