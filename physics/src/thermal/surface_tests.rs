@@ -82,9 +82,10 @@ impl Cooled {
         }
         let cells: Vec<SurfaceCell> = setup.body(0).surface(faces);
         let law = Rc::new(RefCell::new(film));
-        setup
+        let exchange = setup
             .exchange(0, &keys::TEMPERATURE, SurfaceDepth::Face, law, cells)
             .expect("an exchange");
+        setup.publish(0, exchange).expect("free");
         let layer = held.map(|_| {
             setup.next_plugin("held");
             setup
