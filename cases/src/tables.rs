@@ -50,7 +50,9 @@ pub fn left_by(
         let constant = |name: &str| material.constant(name).ok();
         let solidus = constant("solidus").unwrap_or(f64::INFINITY);
         let properties = material.properties().iter();
-        for (name, property) in properties.filter(|(name, _)| is_used(name)) {
+        let used = properties.filter(|(name, _)| is_used(name));
+        let used = used.flat_map(|(name, given)| given.values().iter().map(move |p| (name, p)));
+        for (name, property) in used {
             let parts = match property {
                 Property::ByPhase { solid, liquid } => vec![
                     // in the interval of melting its end stands for it

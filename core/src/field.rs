@@ -165,8 +165,8 @@ pub mod keys {
         EIGENSTRAIN: f64 = "eigenstrain", "1", "isotropic stress-free strain";
         /// Strain that is free of stress because the material was deposited on a strained body.
         BIRTH_STRAIN: Matrix3<f64> = "birth_strain", "1", "strain of the body where and when material was deposited, which is free of stress";
-        /// Stress-free strain with components (sink field of the mechanical physics).
-        INHERENT_STRAIN: Matrix3<f64> = "inherent_strain", "1", "stress-free strain that deposition leaves in a layer";
+        /// Stress-free strain that differs by direction, besides [`EIGENSTRAIN`] (sink field of the mechanical physics).
+        EIGENSTRAIN_TENSOR: Matrix3<f64> = "eigenstrain_tensor", "1", "stress-free strain that differs by direction, besides `eigenstrain`";
         /// Plastic strain, with what was relieved by annealing.
         PLASTIC_STRAIN: Matrix3<f64> = "plastic_strain", "1", "inelastic strain: plastic flow, and what annealing relieved";
         /// Equivalent (von Mises) plastic strain since the last annealing.
@@ -177,11 +177,15 @@ pub mod keys {
         VISCOUS_WORK: f64 = "viscous_work", "J/m3", "work of viscous friction since the start";
         /// Fraction of the bonds of a point that are broken, by their weights (Gao (2020), eq. 2.15).
         DAMAGE: f64 = "damage", "1", "fraction of broken bonds";
+        /// Rotation vector from the axes of space to those of the material in the undeformed body, rad ([`crate::orientation`]).
+        ORIENTATION: Vector3<f64> = "orientation", "rad", "rotation vector from the axes of space to those of the material";
         /// Stress, Pa.
         STRESS: Matrix3<f64> = "stress", "Pa", "stress; up to a third off in the first rows of curved surfaces of a lattice, unless `surface_stress` of `mechanical` is \"extrapolated\"";
         /// Stress conjugate to the eigenstrain (not a residual stress): `dW/d(strain)` summed over the bonds,
         /// Pa. Heat from deformation is `-alpha T` times its change.
         CONJUGATE_STRESS: f64 = "conjugate_stress", "Pa", "stress conjugate to the eigenstrain (not a residual stress)";
+        /// Stress conjugate to [`EIGENSTRAIN_TENSOR`], Pa, whose trace is [`CONJUGATE_STRESS`]; where a coupler reads it.
+        CONJUGATE_STRESS_TENSOR: Matrix3<f64> = "conjugate_stress_tensor", "Pa", "stress conjugate to `eigenstrain_tensor` (not a residual stress)";
     }
 }
 

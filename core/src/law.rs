@@ -16,7 +16,7 @@ use serde_json::json;
 
 use crate::body::Body;
 use crate::error::{Problem, SetupError};
-use crate::material::{Material, Property};
+use crate::material::{Directional, Material, Property};
 use crate::plugin::Named;
 use crate::solver::reduce::max_abs;
 
@@ -27,6 +27,8 @@ pub struct Constant {
     pub property: &'static str,
     /// Its value where a material has none; `None` where the law cannot do without.
     pub default: Option<f64>,
+    /// Whether the law takes a property that differs along the axes of the material.
+    pub has_directions: bool,
 }
 
 impl Constant {
@@ -35,6 +37,15 @@ impl Constant {
         Constant {
             property,
             default: None,
+            has_directions: false,
+        }
+    }
+
+    /// A property that every material must have, and which may differ along the axes of the material.
+    pub const fn directional(property: &'static str) -> Self {
+        Constant {
+            has_directions: true,
+            ..Constant::required(property)
         }
     }
 
@@ -43,6 +54,7 @@ impl Constant {
         Constant {
             property,
             default: Some(default),
+            has_directions: false,
         }
     }
 }
@@ -333,7 +345,7 @@ pub struct Constants {
 
 #[derive(Clone, Debug)]
 enum ConstantOf {
-    Given(Property),
+    Given(Directional<Property>),
     Default(f64),
 }
 
@@ -341,7 +353,8 @@ impl Constants {
     /// Takes the constants of `law`, such as `flow.j2`, which stands at `key`, from the materials of a body.
     ///
     /// # Errors
-    /// A material without one of them; the error names law, material and property.
+    /// A material without one of them, or with directions that the law does not take; the error names law, material and
+    /// property.
     pub fn of(
         body: &Body,
         key: &str,
@@ -349,7 +362,11 @@ impl Constants {
         constants: &[Constant],
     ) -> Result<Self, SetupError> {
         let one = |(material, constant): (&Material, &Constant)| {
-            let found = material.get(constant.property).cloned();
+            if !constant.has_directions {
+                let same = material.same_in_all_directions(constant.property);
+                same.map_err(|e| SetupError::other(key, e))?;
+            }
+            let found = material.directional(constant.property).cloned();
             let found = found.map(ConstantOf::Given);
             let found = found.or(constant.default.map(ConstantOf::Default));
             found.ok_or_else(|| {
@@ -376,7 +393,7 @@ impl Constants {
     /// The place of a constant in which materials differ, or which depends on the temperature.
     pub fn common(&self) -> Result<Vec<f64>, usize> {
         let number = |constant: &ConstantOf| match constant {
-            ConstantOf::Given(property) => property.constant(),
+            ConstantOf::Given(property) => property.same()?.constant(),
             ConstantOf::Default(value) => Some(*value),
         };
         let one = |constant: usize| {
@@ -391,17 +408,17 @@ impl Constants {
     /// Whether one of them depends on temperature or phase.
     pub fn depend_on_temperature(&self) -> bool {
         let depends = |constant: &ConstantOf| match constant {
-            ConstantOf::Given(property) => !property.is_constant(),
+            ConstantOf::Given(property) => !property.values().iter().all(Property::is_constant),
             ConstantOf::Default(_) => false,
         };
         self.properties.iter().any(depends)
     }
 
     /// The constants of a material as properties.
-    pub fn properties(&self, material: usize) -> Vec<Property> {
+    pub fn properties(&self, material: usize) -> Vec<Directional<Property>> {
         let one = |constant: &ConstantOf| match constant {
             ConstantOf::Given(property) => property.clone(),
-            ConstantOf::Default(value) => Property::Constant(*value),
+            ConstantOf::Default(value) => Directional::Same(Property::Constant(*value)),
         };
         self.of_material(material).iter().map(one).collect()
     }
@@ -410,7 +427,7 @@ impl Constants {
         &self.properties[material * self.count..][..self.count]
     }
 
-    /// Writes the constants of a material at a temperature (K) and a liquid fraction to `values`.
+    /// Writes the constants of a material, along its first axis, at a temperature (K) and a liquid fraction to `values`.
     #[inline]
     pub fn load(
         &self,
@@ -421,7 +438,7 @@ impl Constants {
     ) {
         for (value, constant) in values.iter_mut().zip(self.of_material(material)) {
             *value = match constant {
-                ConstantOf::Given(property) => property.at(temperature, liquid_fraction),
+                ConstantOf::Given(property) => property.along(0).at(temperature, liquid_fraction),
                 ConstantOf::Default(value) => *value,
             };
         }
@@ -431,7 +448,7 @@ impl Constants {
     pub fn load_largest(&self, material: usize, values: &mut [f64]) {
         for (value, constant) in values.iter_mut().zip(self.of_material(material)) {
             *value = match constant {
-                ConstantOf::Given(property) => max_abs(&property.values()),
+                ConstantOf::Given(property) => max_abs(&property.along(0).values()),
                 ConstantOf::Default(value) => value.abs(),
             };
         }

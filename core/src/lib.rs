@@ -32,6 +32,7 @@ pub mod log;
 pub mod material;
 mod neighbours;
 pub mod numbers;
+pub mod orientation;
 pub mod pair_list;
 pub mod pddo;
 pub mod plugin;

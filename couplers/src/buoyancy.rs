@@ -6,9 +6,10 @@
 //! left out. A reference temperature in the middle of the range of temperatures keeps pressures small.
 
 use nalgebra::Vector3;
-use perimelt_core::material::{Expansion, ThermalState};
+use perimelt_core::material::{Expansion, MaterialError, ThermalState};
 use perimelt_core::{
-    Coupler, Prepared, Read, RunError, RunningCoupler, Setup, Step, Stepping, World, Write, keys,
+    Coupler, Prepared, Read, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World,
+    Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -51,12 +52,24 @@ impl Coupler for Buoyancy {
             is_steady: true,
             ..Stepping::default()
         });
+        let expansions = expansions_from(setup, body, &[self.reference_temperature])?;
+        let materials = setup.body(body).materials.iter().zip(&expansions);
+        let same = materials.map(|(material, expansion)| {
+            let has_directions = || MaterialError::HasDirections {
+                material: material.name().to_owned(),
+                property: "thermal_expansion".to_owned(),
+            };
+            expansion.same().cloned().ok_or_else(has_directions)
+        });
+        let expansion = same
+            .collect::<Result<_, _>>()
+            .map_err(|e| SetupError::other("", e))?;
         Ok(Box::new(RunningBuoyancy {
             body,
             gravity: self.gravity.into(),
             reference_temperature: self.reference_temperature,
             density: setup.world().reference_densities(body)?,
-            expansion: expansions_from(setup, body, &[self.reference_temperature])?,
+            expansion,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             body_force: setup.add(body, &keys::BODY_FORCE)?,
         }))

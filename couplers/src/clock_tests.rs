@@ -63,7 +63,7 @@ pub(crate) fn ready_on<C: Coupler + DeserializeOwned + 'static>(
     setup.own(0, &keys::VELOCITY).expect("free");
     setup.consume(0, &keys::HEAT_SOURCE).expect("free");
     setup.consume(0, &keys::EIGENSTRAIN).expect("free");
-    setup.consume(0, &keys::INHERENT_STRAIN).expect("free");
+    setup.consume(0, &keys::EIGENSTRAIN_TENSOR).expect("free");
     setup.consume(0, &keys::BODY_FORCE).expect("free");
     setup.consume(0, &keys::CONSTRAINT).expect("free");
     setup.facts::<Rc<Exchange>>(0).for_each(drop);

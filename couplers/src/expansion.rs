@@ -1,8 +1,11 @@
-//! Thermal expansion: temperature gives every point an isotropic stress-free strain
+//! Thermal expansion: temperature gives every point a stress-free strain
 //!
 //! ```text
-//! eigenstrain += e(T) - e(T_ref)
+//! eigenstrain        += e,                          e = e(T) - e(T_ref)
+//! eigenstrain_tensor += sum_k (e_k - e) a_k (x) a_k     where a material expands differently along its axes a_k; e is the mean
 //! ```
+//!
+//! The axes of the material are those of space, turned by the field `orientation`.
 //!
 //! with the elongation e of the material, given by mean coefficients, instantaneous coefficients or a table of e
 //! ([`Expansion`]), and the stress-free temperature T_ref. Mean (secant) coefficients alpha count from a temperature T_0
@@ -22,8 +25,11 @@
 //! Not for a change of the stress-free state by melting: relief of strain in the melt needs a plastic
 //! or viscous solid.
 
-use perimelt_core::material::{Expansion, ThermalState};
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::material::{Directional, Expansion, ThermalState};
 use perimelt_core::numbers::check_above;
+use perimelt_core::orientation::{PointAxes, tensor};
+use perimelt_core::world::BodyIndex;
 use perimelt_core::{
     Coupler, GivenValue, InSpace, Prepared, Read, ReadIfProvided, RunError, RunningCoupler, Setup,
     SetupError, Step, Stepping, World, Write, keys,
@@ -51,16 +57,50 @@ pub struct ThermalExpansion {
 struct RunningThermalExpansion {
     body: usize,
     /// Expansion by material.
-    expansion: Vec<Expansion>,
+    expansion: Vec<Directional<Expansion>>,
     temperature: Read<f64>,
     liquid_fraction: ReadIfProvided<f64>,
     /// Temperature at birth, K; zero at points that exist from the start.
     birth_temperature: ReadIfProvided<f64>,
-    eigenstrain: Write<f64>,
+    sink: Sink,
     /// Reference temperature at each point, K.
     reference: Vec<f64>,
     /// Cut-off temperature, K.
     cutoff: Option<f64>,
+}
+
+/// Where the strain goes.
+struct Sink {
+    /// The strain, or its mean over the axes.
+    mean: Write<f64>,
+    /// For a body with a material that expands differently along its axes.
+    rest: Option<Rest>,
+}
+
+/// What the strain differs from its mean by.
+struct Rest {
+    strain: Write<Matrix3<f64>>,
+    orientation: Read<Vector3<f64>>,
+    axes: PointAxes,
+}
+
+impl Sink {
+    fn of(
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+        expansion: &[Directional<Expansion>],
+    ) -> Result<Self, SetupError> {
+        let mean = setup.add(body, &keys::EIGENSTRAIN)?;
+        let rest = match expansion.iter().any(Directional::has_directions) {
+            false => None,
+            true => Some(Rest {
+                strain: setup.add(body, &keys::EIGENSTRAIN_TENSOR)?,
+                orientation: setup.given(body, &keys::ORIENTATION)?,
+                axes: PointAxes::new(setup.body(body).points.len()),
+            }),
+        };
+        Ok(Sink { mean, rest })
+    }
 }
 
 /// The thermal expansion of each material of a body. Mean coefficients whose reference temperature the material does not
@@ -72,10 +112,13 @@ pub(crate) fn expansions_from(
     setup: &mut Setup<'_>,
     body: usize,
     references: &[f64],
-) -> Result<Vec<Expansion>, SetupError> {
+) -> Result<Vec<Directional<Expansion>>, SetupError> {
     let reference = references.first().copied().unwrap_or(0.0);
     let expansions = setup.world().expansions(body)?;
-    let lacks_reference = expansions.iter().any(Expansion::lacks_reference);
+    let lacks = |expansion: &Directional<Expansion>| {
+        expansion.values().iter().any(Expansion::lacks_reference)
+    };
+    let lacks_reference = expansions.iter().any(lacks);
     if lacks_reference && references.iter().any(|r| *r != reference) {
         let message = "the reference temperature depends on the place, and a table of mean coefficients does not say from \
                        which temperature it counts";
@@ -87,7 +130,7 @@ pub(crate) fn expansions_from(
         ));
     }
     let materials = setup.body(body).materials.iter().zip(&expansions);
-    let lacking = materials.filter(|(_, expansion)| expansion.lacks_reference());
+    let lacking = materials.filter(|(_, expansion)| lacks(expansion));
     let warnings: Vec<String> = lacking
         .map(|(material, _)| {
             format!(
@@ -101,7 +144,7 @@ pub(crate) fn expansions_from(
     warnings.into_iter().for_each(|text| setup.warn(text));
     let expansions = expansions.into_iter();
     Ok(expansions
-        .map(|e| e.with_default_reference(reference))
+        .map(|e| e.map(|along| along.clone().with_default_reference(reference)))
         .collect())
 }
 
@@ -137,13 +180,14 @@ impl Coupler for ThermalExpansion {
             is_steady: true,
             ..Stepping::default()
         });
+        let expansion = expansions_from(setup, body, &reference)?;
         Ok(Box::new(RunningThermalExpansion {
             body,
-            expansion: expansions_from(setup, body, &reference)?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             liquid_fraction: setup.read_if_provided(body, &keys::LIQUID_FRACTION)?,
             birth_temperature: setup.read_if_provided(body, &keys::BIRTH_TEMPERATURE)?,
-            eigenstrain: setup.add(body, &keys::EIGENSTRAIN)?,
+            sink: Sink::of(setup, body, &expansion)?,
+            expansion,
             reference,
             cutoff: self.cutoff_temperature,
         }))
@@ -159,9 +203,7 @@ impl RunningCoupler for RunningThermalExpansion {
         let cutoff = self.cutoff;
         let birth_temperature = world.read_if_provided(self.birth_temperature);
         let birth_temperature = birth_temperature.as_deref();
-        let mut eigenstrain = world.write(self.eigenstrain);
-        let strain = |point: usize| {
-            let expansion = &self.expansion[material[point] as usize];
+        let states = |point: usize| {
             let reference = self.reference[point];
             let free_of_stress = match birth_temperature.map_or(0.0, |t| t[point]) {
                 0.0 => reference,
@@ -174,10 +216,34 @@ impl RunningCoupler for RunningThermalExpansion {
                     liquid_fraction: liquid_fraction.map_or(0.0, |f| f[point]),
                 },
             };
-            expansion.strain(ThermalState::solid(free_of_stress), present)
+            (ThermalState::solid(free_of_stress), present)
         };
+        let expansion = |point: usize| &self.expansion[material[point] as usize];
+        let along = |point: usize, axis: usize| {
+            let (free_of_stress, present) = states(point);
+            expansion(point).along(axis).strain(free_of_stress, present)
+        };
+        let mean = |point: usize| match expansion(point) {
+            Directional::Same(_) => along(point, 0),
+            Directional::Axes(_) => {
+                [0, 1, 2].map(|axis| along(point, axis)).iter().sum::<f64>() / 3.0
+            }
+        };
+        let Sink { mean: sink, rest } = &mut self.sink;
+        let mut eigenstrain = world.write(*sink);
         let points = eigenstrain.par_iter_mut().enumerate();
-        points.for_each(|(point, sum)| *sum += strain(point));
+        points.for_each(|(point, sum)| *sum += mean(point));
+        let Some(rest) = rest else {
+            return Ok(());
+        };
+        rest.axes.follow(&world.read(rest.orientation));
+        let mut tensors = world.write(rest.strain);
+        let points = tensors.par_iter_mut().enumerate();
+        let points = points.filter(|(point, _)| expansion(*point).has_directions());
+        points.for_each(|(point, sum)| {
+            let principal = [0, 1, 2].map(|axis| along(point, axis) - mean(point));
+            *sum += tensor(rest.axes.of(point), principal);
+        });
         Ok(())
     }
 }
@@ -267,6 +333,65 @@ mod tests {
         }
         let expansion: ThermalExpansion = read("reference_temperature = '300 + t'");
         assert!(refusal(&mut world, expansion).contains("changes in time"));
+    }
+
+    /// -1e-6/K along fibres at 30 degrees and 3e-5/K across, free of stress at 300 K or, where it was deposited, at 500 K; a
+    /// metal beside it.
+    #[test]
+    fn expansions_along_axes_turn_with_the_orientation() {
+        let mut body = block(
+            [4, 1, 1],
+            3,
+            "thermal_expansion = { along = -1e-6, across = 3e-5 }",
+        );
+        let metal = block([1, 1, 1], 3, "thermal_expansion = 1e-5");
+        body.materials.extend(metal.materials);
+        body.material_of_point[3] = 1;
+        let mut world = World::new(vec![body]);
+        let expansion: ThermalExpansion = read("reference_temperature = 300");
+        let (mut expansion, ()) = prepare(&mut world, expansion, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.own(0, &keys::BIRTH_TEMPERATURE).expect("free");
+            setup.own(0, &keys::ORIENTATION).expect("free");
+            setup.consume(0, &keys::EIGENSTRAIN).expect("free");
+            setup.consume(0, &keys::EIGENSTRAIN_TENSOR).expect("free");
+        })
+        .expect("valid");
+        set(&mut world, &keys::TEMPERATURE, |_| 400.0);
+        set(&mut world, &keys::BIRTH_TEMPERATURE, |i| {
+            [0.0, 0.0, 500.0, 0.0][i]
+        });
+        let turn = Vector3::new(0.0, 0.0, 30_f64.to_radians());
+        set(&mut world, &keys::ORIENTATION, |i| {
+            [Vector3::zeros(), turn, turn, turn][i]
+        });
+        apply(&world, &mut *expansion, 0.0);
+        let (mean, rest) = (
+            values(&world, &keys::EIGENSTRAIN),
+            values(&world, &keys::EIGENSTRAIN_TENSOR),
+        );
+        let (xx, yy) = (0.75 * -1e-4 + 0.25 * 3e-3, 0.25 * -1e-4 + 0.75 * 3e-3);
+        let xy = -3.1e-3 * 0.75_f64.sqrt() * 0.5;
+        for (point, [a, b, c, d]) in [
+            [-1e-4, 0.0, 3e-3, 3e-3],
+            [xx, xy, yy, 3e-3],
+            [-xx, -xy, -yy, -3e-3],
+            [1e-3, 0.0, 1e-3, 1e-3],
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let expected = [a, b, 0.0, b, c, 0.0, 0.0, 0.0, d];
+            let rest = &rest[9 * point..][..9];
+            assert!((rest[0] + rest[4] + rest[8]).abs() < 1e-17);
+            for (i, (rest, expected)) in rest.iter().zip(expected).enumerate() {
+                let found = rest + if i % 4 == 0 { mean[point] } else { 0.0 };
+                assert!(
+                    (found - expected).abs() < 1e-17,
+                    "{point}: {found} {expected}"
+                );
+            }
+        }
     }
 
     #[test]

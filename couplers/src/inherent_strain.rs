@@ -3,7 +3,7 @@
 //! The points of `region` get a stress-free strain as soon as they have material:
 //!
 //! ```text
-//! inherent strain += factor(t) strain(height)
+//! eigenstrain_tensor += factor(t) strain(height)
 //! ```
 //!
 //! With `deposit` and its `layers` every layer gets it when it is deposited, so that one quasi-static step for each
@@ -162,7 +162,7 @@ impl Coupler for InherentStrain {
         Ok(Box::new(RunningInherentStrain {
             factor: self.factor,
             strains,
-            inherent: setup.add(body, &keys::INHERENT_STRAIN)?,
+            inherent: setup.add(body, &keys::EIGENSTRAIN_TENSOR)?,
         }))
     }
 }
@@ -200,11 +200,11 @@ mod tests {
              by_height = { height = [1, 3], strain = [[0, 0, 0], [-4, 2, 0, 1, 0, 0]] }",
         );
         let (mut coupler, ()) = prepare(&mut world, coupler, |setup| {
-            setup.consume(0, &keys::INHERENT_STRAIN).expect("free");
+            setup.consume(0, &keys::EIGENSTRAIN_TENSOR).expect("free");
         })
         .expect("valid");
         apply(&world, &mut *coupler, 0.0);
-        let strain = values(&world, &keys::INHERENT_STRAIN);
+        let strain = values(&world, &keys::EIGENSTRAIN_TENSOR);
         let xx: Vec<f64> = (0..4).map(|p| strain[9 * p]).collect();
         // centres of unit cells, at the end of the first second
         assert_eq!(xx, [0.0, -1.0, -3.0, -4.0]);
@@ -226,11 +226,11 @@ mod tests {
             let table = format!("region = 'left'\n{up}\n{by_height}");
             let coupler: InherentStrain = read(&table);
             let (mut coupler, ()) = prepare(&mut world, coupler, |setup| {
-                setup.consume(0, &keys::INHERENT_STRAIN).expect("free");
+                setup.consume(0, &keys::EIGENSTRAIN_TENSOR).expect("free");
             })
             .expect("valid");
             apply(&world, &mut *coupler, 0.0);
-            let strain = values(&world, &keys::INHERENT_STRAIN);
+            let strain = values(&world, &keys::EIGENSTRAIN_TENSOR);
             let xx: Vec<f64> = strain.iter().step_by(9).copied().collect();
             assert_eq!(xx, expected, "{up}");
         }

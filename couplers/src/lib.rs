@@ -24,7 +24,7 @@
 //! | `heat_flux` | [`boundary::HeatFlux`] | | heat source |
 //! | `deposit` | [`deposit::Deposit`] | | active points; their temperature at birth |
 //! | `cut` | [`cut::Cut`] | | points that lose their material |
-//! | `inherent_strain` | [`inherent_strain::InherentStrain`] | | inherent strain |
+//! | `inherent_strain` | [`inherent_strain::InherentStrain`] | | eigenstrain with directions |
 //! | `powder` | [`powder::Powder`] | liquid fraction | consolidated metal; conductivity of powder |
 //! | `convection` | [`boundary::Convection`] | temperature | heat source |
 //! | `water_jet` | [`boundary::WaterJet`] | temperature | heat source |

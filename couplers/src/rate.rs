@@ -1,5 +1,6 @@
 //! Heat from the rate of a work between two applications of a coupler.
 
+use perimelt_core::field::Value;
 use perimelt_core::plugin::load_points;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
@@ -8,19 +9,19 @@ use perimelt_core::{
 };
 use rayon::prelude::*;
 
-/// Computes the factor at each point that turns the rate of a field into a power per volume (W/m³).
-type FindFactors = Box<dyn Fn(&World, &mut [f64])>;
+/// Computes the factors at each point that turn the rates of the components of a field into a power per volume (W/m³).
+type FindFactors = Box<dyn FnMut(&World, &mut [f64])>;
 
 /// Heat from the rate of a field, such as a work per volume that a physics does. All changes of the field are counted exactly
 /// once, for any step size of the physics that changes it.
-pub(crate) struct WorkHeat {
+pub(crate) struct WorkHeat<T> {
     body: BodyIndex,
-    field: Read<f64>,
+    field: Read<T>,
     heat_source: Write<f64>,
     find_factors: FindFactors,
-    /// Last factor by point.
+    /// Last factors, component by component of each point.
     factor: Vec<f64>,
-    /// Values of the field when the heat was last computed, zero before the first time; part of a checkpoint.
+    /// Components of the field when the heat was last computed, zero before the first time; part of a checkpoint.
     seen: Vec<f64>,
     /// Heat by point, W/m³.
     heat: Vec<f64>,
@@ -30,43 +31,55 @@ pub(crate) struct WorkHeat {
     power: f64,
 }
 
-impl WorkHeat {
+impl<T: Value> WorkHeat<T> {
     /// Heat from the rate of the field `key` of a body; its power is reported under `name`.
     pub fn prepare(
         setup: &mut Setup<'_>,
         body: BodyIndex,
-        key: &Key<f64>,
+        key: &Key<T>,
         name: &'static str,
-        find_factors: impl Fn(&World, &mut [f64]) + 'static,
+        find_factors: impl FnMut(&World, &mut [f64]) + 'static,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
-        let zero = vec![0.0; setup.body(body).points.len()];
+        let points = setup.body(body).points.len();
+        let zero = vec![0.0; points * T::COMPONENTS];
         Ok(Box::new(WorkHeat {
             body,
             field: setup.read(body, key)?,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
             find_factors: Box::new(find_factors),
             factor: zero.clone(),
-            seen: zero.clone(),
-            heat: zero,
+            seen: zero,
+            heat: vec![0.0; points],
             name,
             power: 0.0,
         }))
     }
 }
 
-impl RunningCoupler for WorkHeat {
+impl<T: Value> RunningCoupler for WorkHeat<T> {
     /// In a step of size zero the rate is zero.
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         (self.find_factors)(world, &mut self.factor);
-        let now: &[f64] = &world.read(self.field);
-        let heat = self.heat.iter_mut().zip(&self.factor);
-        for ((heat, factor), (seen, now)) in heat.zip(self.seen.iter_mut().zip(now)) {
-            let rate = match step.size > 0.0 {
-                true => (now - *seen) / step.size,
+        let now = world.read(self.field);
+        let now: &[f64] = bytemuck::cast_slice(&now);
+        let rate_of = |(now, seen): (&f64, &mut f64)| {
+            let change = now - std::mem::replace(seen, *now);
+            match step.size > 0.0 {
+                true => change / step.size,
                 false => 0.0,
-            };
-            *heat = factor * rate;
-            *seen = *now;
+            }
+        };
+        let components = now
+            .chunks(T::COMPONENTS)
+            .zip(self.seen.chunks_mut(T::COMPONENTS));
+        let points = self.heat.iter_mut().zip(self.factor.chunks(T::COMPONENTS));
+        for ((heat, factors), (now, seen)) in points.zip(components) {
+            let rates = now.iter().zip(seen).map(rate_of);
+            *heat = factors
+                .iter()
+                .zip(rates)
+                .map(|(factor, rate)| factor * rate)
+                .sum();
         }
         let mut heat_source = world.write(self.heat_source);
         let points = heat_source.par_iter_mut().zip(&self.heat);
@@ -86,7 +99,7 @@ impl RunningCoupler for WorkHeat {
     }
 
     fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
-        self.seen = load_points(state, self.heat.len())?;
+        self.seen = load_points(state, self.seen.len())?;
         Ok(())
     }
 }

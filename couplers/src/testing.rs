@@ -122,11 +122,11 @@ pub fn values<T: Value>(world: &World, key: &Key<T>) -> Vec<f64> {
     world.fields().field(index).data().flat().to_vec()
 }
 
-/// Sets a scalar field of the first body, point by point.
-pub fn set(world: &mut World, key: &Key<f64>, value: impl Fn(usize) -> f64) {
+/// Sets a field of the first body, point by point.
+pub fn set<T: Value>(world: &mut World, key: &Key<T>, value: impl Fn(usize) -> T) {
     let index = world.fields().find(0, &key.name).expect("a known field");
-    let entries = world.values_mut(index).iter_mut().enumerate();
-    entries.for_each(|(i, v)| *v = value(i));
+    let entries = bytemuck::cast_slice_mut(world.values_mut(index)).iter_mut();
+    entries.enumerate().for_each(|(i, v)| *v = value(i));
 }
 
 /// Sum of a density times volume.

@@ -8,7 +8,7 @@
 //! | `replay` | the fields listed in `fields` or `values` | |
 //! | `fluid` | `velocity`, `density`, `pressure` | `body_force` |
 //! | `rigid_body` | `displacement`, `velocity` | `body_force`, `impulse` |
-//! | `mechanical` | `displacement`, `velocity`, `stress`, `conjugate_stress` | `eigenstrain`, `body_force` |
+//! | `mechanical` | `displacement`, `velocity`, `stress`, `conjugate_stress` | `eigenstrain`, `eigenstrain_tensor`, `body_force` |
 
 #![cfg_attr(not(test), warn(unused_crate_dependencies))]
 #![deny(unsafe_code)]

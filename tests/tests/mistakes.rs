@@ -284,11 +284,15 @@ mistakes! {
     flow_law_without_a_constant: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow.chaboche = {}\n";
     flow_law_with_a_rate_of_zero: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\nflow.johnson_cook = { reference_rate = 0 }\n";
     flow_law_of_a_bond_based_solid: "thermal_expansion = 1.2e-5\n" => "thermal_expansion = 1.2e-5\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\n\n[[physics]]\ntype = \"mechanical\"\nformulation = \"bond\"\nflow.j2 = {}\n";
-    conductivity_law_in_the_form_of_bonds: "thermal_expansion = 1.2e-5\n\n[[physics]]\ntype = \"thermal\"\nhorizon = 2\n" => "thermal_expansion = 1.2e-5\nconductivity_1 = 30\nconductivity_2 = 3\nconductivity_3 = 3\n\n[[physics]]\ntype = \"thermal\"\nhorizon = 2\nconductivity.orthotropic = { angle = 30 }\n";
-    conductivity_law_without_a_constant: "thermal_expansion = 1.2e-5\n\n[[physics]]\ntype = \"thermal\"\nhorizon = 2\n" => "thermal_expansion = 1.2e-5\n\n[[physics]]\ntype = \"thermal\"\nhorizon = 2\nform = \"ordinary\"\nconductivity.orthotropic = { angle = 30 }\n";
     state_law_that_is_unknown: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.tate.sound_speed = 1\n[[couplers]]\ntype = \"phase_change\"";
     key_of_another_state_law: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.rate.sound_speed = 1\n[[couplers]]\ntype = \"phase_change\"";
     state_law_with_a_sound_speed_of_zero: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.tait.sound_speed = 0\n[[couplers]]\ntype = \"phase_change\"";
+    conductivity_with_directions_in_the_form_of_bonds: "conductivity = { temperature = [300, 1000], value = [50, 30] }" => "conductivity = { along = 30, across = 3 }";
+    property_without_directions: "density = 7800" => "density = { along = 7800, across = 7000 }";
+    conductivity_across_fibres_below_zero: "conductivity = { temperature = [300, 1000], value = [50, 30] }" => "conductivity = { along = 30, across = { temperature = [300, 1000], value = [3, -1] } }";
+    angle_of_a_temperature: "initial.temperature = 300" => "initial.temperature.angle = 300";
+    orientation_that_nothing_uses: "initial.temperature = 300" => "initial.temperature = 300\ninitial.orientation.angle = 30";
+    conductivity_law_without_a_constant: "conductivity = { temperature = [300, 1000], value = [50, 30] }\n" => "";
     viscosity_law_that_is_unknown: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.tait.sound_speed = 1\nviscosity.powerlaw = {}\n[[couplers]]\ntype = \"phase_change\"";
     viscosity_law_without_its_key: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.tait.sound_speed = 1\nviscosity.power_law = {}\n[[couplers]]\ntype = \"phase_change\"";
     viscosity_law_without_a_constant: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nform = \"conservative\"\nstate.tait.sound_speed = 1\nviscosity.herschel_bulkley = { largest = 100 }\n[[couplers]]\ntype = \"phase_change\"";

@@ -18,13 +18,13 @@ use super::sections::{Components, ComponentsVisitor};
 #[serde(untagged)]
 pub enum Initial {
     /// One value for all positions.
-    Uniform(Components),
+    Uniform(InitialValue),
     /// Different values in some regions.
     ByRegion {
         /// Value outside of these regions.
-        value: Components,
+        value: InitialValue,
         /// By region.
-        regions: BTreeMap<String, Components>,
+        regions: BTreeMap<String, InitialValue>,
     },
     /// `value + gradient (x - origin)`.
     Linear(Linear),
@@ -36,13 +36,80 @@ pub enum Initial {
     File(FieldFile),
 }
 
+/// One value of an initial field.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[schemars(untagged)]
+#[serde(untagged)]
+pub enum InitialValue {
+    /// A number or a list of components.
+    Components(Components),
+    /// An `orientation` that is turned about z.
+    Turn(Turn),
+}
+
+/// A rotation about z, from x towards y.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Turn {
+    /// Angle in degrees.
+    pub angle: f64,
+}
+
+impl InitialValue {
+    /// The components; of a turn those of its rotation vector, rad.
+    pub fn values(&self) -> Vec<f64> {
+        match self {
+            InitialValue::Components(components) => components.as_slice().to_vec(),
+            InitialValue::Turn(Turn { angle }) => vec![0.0, 0.0, angle.to_radians()],
+        }
+    }
+}
+
+impl From<Components> for InitialValue {
+    fn from(components: Components) -> Self {
+        InitialValue::Components(components)
+    }
+}
+
+struct InitialValueVisitor;
+
+impl<'de> Visitor<'de> for InitialValueVisitor {
+    type Value = InitialValue;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a number, or [x, y, z], or { angle = ... }")
+    }
+
+    fn visit_f64<E: de::Error>(self, value: f64) -> Result<InitialValue, E> {
+        ComponentsVisitor.visit_f64(value).map(Into::into)
+    }
+
+    fn visit_i64<E: de::Error>(self, value: i64) -> Result<InitialValue, E> {
+        ComponentsVisitor.visit_i64(value).map(Into::into)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<InitialValue, A::Error> {
+        ComponentsVisitor.visit_seq(list).map(Into::into)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<InitialValue, A::Error> {
+        Turn::deserialize(de::value::MapAccessDeserializer::new(map)).map(InitialValue::Turn)
+    }
+}
+
+impl<'de> Deserialize<'de> for InitialValue {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(InitialValueVisitor)
+    }
+}
+
 /// A linear field: `value + gradient (x - origin)`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Linear {
     /// At the origin; zero when left out.
     #[serde(default)]
-    pub value: Option<Components>,
+    pub value: Option<InitialValue>,
     /// Derivatives along x, y and z, one row for each component, per m.
     pub gradient: Vec<[f64; 3]>,
     /// Reference position, m.
@@ -53,7 +120,11 @@ pub struct Linear {
 impl Linear {
     /// The components at a reference position, m.
     pub fn at(&self, position: [f64; 3]) -> Vec<f64> {
-        let value = self.value.as_ref().map_or(&[][..], Components::as_slice);
+        let value = self
+            .value
+            .as_ref()
+            .map(InitialValue::values)
+            .unwrap_or_default();
         let row = |(i, row): (usize, &[f64; 3])| {
             let slopes = row.iter().zip(position.iter().zip(self.origin));
             let growth: f64 = slopes.map(|(g, (x, origin))| g * (x - origin)).sum();
@@ -67,7 +138,7 @@ impl Initial {
     /// The components outside of all regions at a reference position, m; none of a file.
     pub fn at(&self, position: [f64; 3]) -> Vec<f64> {
         match self {
-            Initial::Uniform(value) | Initial::ByRegion { value, .. } => value.as_slice().to_vec(),
+            Initial::Uniform(value) | Initial::ByRegion { value, .. } => value.values(),
             Initial::Linear(linear) => linear.at(position),
             Initial::Formula(formula) => vec![formula.at(position, 0.0)],
             Initial::Formulas(all) => all.iter().map(|f| f.at(position, 0.0)).collect(),
@@ -80,8 +151,19 @@ impl Initial {
         !matches!(self, Initial::Uniform(_) | Initial::ByRegion { .. })
     }
 
+    /// Whether a value is an angle about z.
+    pub fn turns(&self) -> bool {
+        let value = match self {
+            Initial::Uniform(value) | Initial::ByRegion { value, .. } => Some(value),
+            Initial::Linear(linear) => linear.value.as_ref(),
+            _ => None,
+        };
+        let all = value.into_iter().chain(self.regions().map(|(_, v)| v));
+        all.into_iter().any(|v| matches!(v, InitialValue::Turn(_)))
+    }
+
     /// The exceptions.
-    pub fn regions(&self) -> impl Iterator<Item = (&String, &Components)> {
+    pub fn regions(&self) -> impl Iterator<Item = (&String, &InitialValue)> {
         let regions = match self {
             Initial::ByRegion { regions, .. } => Some(regions),
             _ => None,
@@ -96,15 +178,15 @@ impl<'de> Visitor<'de> for InitialVisitor {
     type Value = Initial;
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("a number, or [x, y, z], or { value = ..., regions = { <region> = ... } }, or { gradient = [...] }, or formulas in x, y and z, or { file = \"...\" }")
+        f.write_str("a number, or [x, y, z], or { value = ..., regions = { <region> = ... } }, or { gradient = [...] }, or { angle = ... }, or formulas in x, y and z, or { file = \"...\" }")
     }
 
     fn visit_f64<E: de::Error>(self, value: f64) -> Result<Initial, E> {
-        ComponentsVisitor.visit_f64(value).map(Initial::Uniform)
+        InitialValueVisitor.visit_f64(value).map(Initial::Uniform)
     }
 
     fn visit_i64<E: de::Error>(self, value: i64) -> Result<Initial, E> {
-        ComponentsVisitor.visit_i64(value).map(Initial::Uniform)
+        InitialValueVisitor.visit_i64(value).map(Initial::Uniform)
     }
 
     fn visit_str<E: de::Error>(self, text: &str) -> Result<Initial, E> {
@@ -130,7 +212,7 @@ impl<'de> Visitor<'de> for InitialVisitor {
             formulas.push(text);
         }
         if numbers.len() == formulas.len() {
-            return Ok(Initial::Uniform(Components::List(numbers)));
+            return Ok(Initial::Uniform(Components::List(numbers).into()));
         }
         let formulas: Result<Vec<Formula>, _> = formulas.iter().map(|f| Formula::new(f)).collect();
         formulas.map(Initial::Formulas).map_err(de::Error::custom)
@@ -140,15 +222,28 @@ impl<'de> Visitor<'de> for InitialVisitor {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct Keys {
-            value: Option<Components>,
-            regions: Option<BTreeMap<String, Components>>,
+            value: Option<InitialValue>,
+            regions: Option<BTreeMap<String, InitialValue>>,
             gradient: Option<Vec<[f64; 3]>>,
             #[serde(default)]
             origin: [f64; 3],
             file: Option<PathBuf>,
             column: Option<String>,
+            angle: Option<f64>,
         }
         let table = Keys::deserialize(de::value::MapAccessDeserializer::new(map))?;
+        if let Some(angle) = table.angle {
+            let others = [
+                table.value.is_some(),
+                table.regions.is_some(),
+                table.gradient.is_some(),
+                table.file.is_some(),
+            ];
+            return match others.contains(&true) {
+                true => Err(de::Error::custom("an `angle` stands alone")),
+                false => Ok(Initial::Uniform(InitialValue::Turn(Turn { angle }))),
+            };
+        }
         if let Some(file) = table.file {
             if table.value.is_some() || table.regions.is_some() || table.gradient.is_some() {
                 let message = "a field from a file has no `value`, `regions` or `gradient`";
@@ -214,6 +309,22 @@ mod tests {
         let vector = read("['y * z', 0, 'x']").expect("valid");
         assert_eq!(vector.at([2.0, 3.0, 4.0]), [12.0, 0.0, 2.0]);
         assert!(read("['q', 0, 0]").is_err());
+    }
+
+    #[test]
+    fn an_orientation_may_be_an_angle() {
+        let quarter = [0.0, 0.0, 0.5 * std::f64::consts::PI];
+        let turned = read("{ angle = 90 }").expect("valid");
+        assert_eq!(
+            (turned.at([0.0; 3]), turned.turns()),
+            (quarter.to_vec(), true)
+        );
+        let plies = "{ value = [0, 0, 0], regions = { ply = { angle = 90 } } }";
+        let plies = read(plies).expect("valid");
+        let regions: Vec<_> = plies.regions().map(|(_, v)| v.values()).collect();
+        assert_eq!((regions, plies.turns()), (vec![quarter.to_vec()], true));
+        assert!(!read("[0, 0, 1]").expect("valid").turns());
+        assert!(read("{ angle = 90, value = 1 }").is_err(), "both");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use perimelt_core::body::POINT_COLUMNS;
 use perimelt_core::input;
 use perimelt_core::samples::{FieldFile, NumberTable};
-use perimelt_core::{InSpace, Problem, Simulation, Warning};
+use perimelt_core::{InSpace, Problem, Simulation, Warning, keys};
 
 use super::bodies::suggest;
 use super::error::Mistakes;
@@ -86,6 +86,14 @@ impl Case {
             self.explained_body_error(path, e.explain())
         };
         let path = [name, "initial", field];
+        if initial.turns() && field != keys::ORIENTATION.name {
+            let message = format!("the initial `{field}` is an angle");
+            return Err(self.body_error(
+                &path,
+                message,
+                "expected numbers: only an `orientation` is an angle",
+            ));
+        }
         if let Initial::File(file) = initial {
             return self
                 .set_from_file(simulation, target, field, file)
@@ -123,7 +131,7 @@ impl Case {
             };
             let points = points.points.iter().map(|&p| p as usize);
             simulation
-                .set_initial(index, field, points, value.as_slice())
+                .set_initial(index, field, points, &value.values())
                 .map_err(|e| place(e, &path))?;
         }
         Ok(())

@@ -283,9 +283,9 @@ fn adiabatic_stiffening(body: &Body, temperature: f64) -> f64 {
         let moduli = Moduli::new(at("youngs_modulus")?, ratio, body.dimension, Plane::Stress);
         let capacity = material.reference_density().ok()? * at("specific_heat")?;
         let expansion = Expansion::of(material).ok()??;
-        let expansion = expansion
-            .instantaneous(ThermalState::solid(temperature))
-            .ok()?;
+        let along = expansion.values().iter();
+        let along = along.map(|e| e.instantaneous(ThermalState::solid(temperature)).ok());
+        let expansion = along.flatten().max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
         Some(expansion * expansion * temperature * d * d * moduli.bulk / capacity)
     };
     let materials = body.materials.iter().filter_map(of_material);

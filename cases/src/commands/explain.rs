@@ -298,8 +298,15 @@ fn of_world(name: &str) -> Option<String> {
             ValueRange::Between(low, high) => format!("{low} to {high}"),
         };
         let form = "a number, or a table { temperature = [...], value = [...] }, each also for `.solid` and `.liquid`";
+        let directions = match p.has_directions {
+            true => {
+                "; also { along = ..., across = ... } or { axes = [..., ..., ...] } along the axes of the material, which \
+                 `initial.orientation` of the body turns"
+            }
+            false => "",
+        };
         let (unit, meaning) = (p.unit, p.meaning);
-        format!("material property `{name}` [{unit}]\n{meaning}; {range}; {form}")
+        format!("material property `{name}` [{unit}]\n{meaning}; {range}; {form}{directions}")
     });
     let material = library::ENTRIES.iter().find(|(known, _)| *known == name);
     let material = material.map(|(_, text)| text.trim_end().to_string());

@@ -60,7 +60,12 @@ fn names(out: &mut impl Write) -> Done {
     }
     writeln!(out, "\nMaterial properties ([materials.<name>])")?;
     for key in known_properties() {
-        row(out, key.name, &format!("[{}] {}", key.unit, key.meaning))?;
+        let directions = match key.has_directions {
+            true => "; may differ by direction",
+            false => "",
+        };
+        let about = format!("[{}] {}{directions}", key.unit, key.meaning);
+        row(out, key.name, &about)?;
     }
     writeln!(
         out,

@@ -11,7 +11,7 @@
 
 use thiserror::Error;
 
-use super::{Material, MaterialError, Property, Table};
+use super::{Directional, Material, MaterialError, Property, Table};
 
 /// Name of the property with the mean coefficient, 1/K.
 pub const MEAN: &str = "thermal_expansion";
@@ -80,7 +80,7 @@ impl ThermalState {
     }
 }
 
-/// The thermal expansion of a material.
+/// The thermal expansion of a material, in all directions or along one of its axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Expansion(Kind);
 
@@ -98,18 +98,19 @@ enum Kind {
 }
 
 impl Expansion {
-    /// The expansion that a material states, `None` if it states none.
+    /// The expansion that a material states, `None` if it states none; the expansion along each axis if the property has
+    /// directions.
     ///
     /// # Errors
     /// See [`ExpansionError`]; a reference temperature that is a table.
-    pub fn of(material: &Material) -> Result<Option<Self>, MaterialError> {
+    pub fn of(material: &Material) -> Result<Option<Directional<Self>>, MaterialError> {
         let failed = |source| MaterialError::Expansion {
             material: material.name().to_string(),
             source,
         };
         let mut given = KINDS
             .iter()
-            .filter_map(|&kind| Some((kind, material.get(kind)?)));
+            .filter_map(|&kind| Some((kind, material.directional(kind)?)));
         let Some((kind, property)) = given.next() else {
             return Ok(None);
         };
@@ -121,29 +122,33 @@ impl Expansion {
         if has_reference && kind != MEAN {
             return Err(failed(ExpansionError::ReferenceWithoutMean { kind }));
         }
-        let kind = match kind {
+        let reference = match has_reference {
+            true => Some(material.constant(REFERENCE)?),
+            false => None,
+        };
+        let expansion = property.map(|property| Expansion::by(kind, property, reference));
+        expansion.transpose().map(Some).map_err(failed)
+    }
+
+    /// The expansion by a property of a kind, with the temperature (K) from which mean coefficients count.
+    fn by(kind: &str, property: &Property, reference: Option<f64>) -> Result<Self, ExpansionError> {
+        Ok(Expansion(match kind {
             MEAN => Kind::Mean {
                 coefficient: property.clone(),
-                reference: match has_reference {
-                    true => Some(material.constant(REFERENCE)?),
-                    false => None,
-                },
+                reference,
             },
             INSTANTANEOUS => Kind::Instantaneous(match property {
                 Property::Constant(value) => {
                     Table::new(vec![0.0], vec![*value]).expect("one finite row")
                 }
                 Property::Table(table) => table.clone(),
-                Property::ByPhase { .. } => {
-                    return Err(failed(ExpansionError::InstantaneousByPhase));
-                }
+                Property::ByPhase { .. } => return Err(ExpansionError::InstantaneousByPhase),
             }),
             _ => match has_rows(property) {
                 true => Kind::Elongation(property.clone()),
-                false => return Err(failed(ExpansionError::ElongationWithoutRows)),
+                false => return Err(ExpansionError::ElongationWithoutRows),
             },
-        };
-        Ok(Some(Expansion(kind)))
+        }))
     }
 
     /// Whether the strain depends on the reference temperature of mean coefficients, which is not given.
@@ -251,7 +256,24 @@ mod tests {
 
     fn expansion(text: &str) -> Expansion {
         let material = material(text).expect("valid");
-        Expansion::of(&material).expect("valid").expect("given")
+        let expansion = Expansion::of(&material).expect("valid").expect("given");
+        expansion.along(0).clone()
+    }
+
+    /// Each axis has an expansion of its own, of any kind.
+    #[test]
+    fn expansions_may_have_directions() {
+        let table = "{ temperature = [200, 1300], value = [0.96e-5, 1.4e-5] }";
+        let text = format!(
+            "thermal_expansion = {{ along = -0.5e-6, across = {table} }}\nexpansion_reference = 300"
+        );
+        let material = material(&text).expect("valid");
+        let expansion = Expansion::of(&material).expect("valid").expect("given");
+        let [from, to] = [300.0, 500.0].map(ThermalState::solid);
+        let strain = [0, 1, 2].map(|axis| expansion.along(axis).strain(from, to));
+        let expected = [-1e-4, 2.16e-3, 2.16e-3];
+        let pairs = strain.iter().zip(expected);
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-16));
     }
 
     /// `e = 1e-5 d + 4e-9 d^2` with `d = T - 300`, as mean coefficients, instantaneous coefficients and elongations; the first
@@ -407,6 +429,7 @@ mod tests {
             let section: MaterialSection = toml::from_str(text).expect("known keys");
             let plate = Material::new("plate", section, Some(&library)).expect("valid");
             let expansion = Expansion::of(&plate).expect("valid").expect("given");
+            let expansion = expansion.along(0);
             assert_eq!(expansion.lacks_reference(), lacks_reference, "{text}");
             let found = expansion.strain(ThermalState::solid(500.0), ThermalState::solid(900.0));
             assert!((found - strain).abs() < 1e-16, "{text}: {found}");

@@ -41,6 +41,7 @@ macro_rules! contents {
                 unit: "mass %",
                 meaning: "content of an element",
                 range: ValueRange::NotNegative,
+                has_directions: false,
             }
         })*
     };
@@ -121,7 +122,7 @@ fn every_property_stays_within_what_such_materials_have() {
                 .iter()
                 .find(|(span, ..)| span == name)
                 .unwrap_or_else(|| panic!("no span for {name}"));
-            for value in property.values() {
+            for value in property.values().iter().flat_map(Property::values) {
                 assert!(
                     (*low..=*high).contains(&value),
                     "{}: {name} = {value}",

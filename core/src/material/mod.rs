@@ -2,6 +2,7 @@
 //!
 //! - [`Table`]: a value at rows of increasing temperature (or time), piecewise linear, clamped;
 //! - [`Property`]: a number, a table, or one of these for each of solid and liquid;
+//! - [`Directional`]: a property in all directions alike, or one along each axis of the material;
 //! - [`PropertyKey`], [`known_properties`]: which properties there are, with units and allowed
 //!   values; a plugin may register more;
 //! - [`MaterialSection`]: how a case file or a library file writes a material, with its mistakes
@@ -11,6 +12,7 @@
 //! - [`Expansion`]: the thermal strain between two states;
 //! - [`HeatPotential`]: the integral of the conductivity over the temperature.
 
+mod directional;
 mod enthalpy;
 mod expansion;
 mod potential;
@@ -22,6 +24,7 @@ mod vocabulary;
 #[cfg(test)]
 mod library_files;
 
+pub use directional::Directional;
 pub use enthalpy::{
     EnthalpyCurve, EnthalpyError, LatentHeat, LatentHeatForm, MushyCapacity, REFERENCE_TEMPERATURE,
 };
@@ -42,7 +45,7 @@ use thiserror::Error;
 pub struct Material {
     name: String,
     description: Option<String>,
-    properties: BTreeMap<String, Property>,
+    properties: BTreeMap<String, Directional<Property>>,
 }
 
 /// What is wrong with a material.
@@ -91,6 +94,16 @@ pub enum MaterialError {
     /// A property must be a single number.
     #[error("material `{material}`: `{property}` must be one number, not a table or one per phase")]
     NotConstant {
+        /// Name of the material.
+        material: String,
+        /// Name of the property.
+        property: String,
+    },
+    /// A property must be the same in all directions.
+    #[error(
+        "material `{material}`: `{property}` must be the same in all directions here, without `along`, `across` or `axes`"
+    )]
+    HasDirections {
         /// Name of the material.
         material: String,
         /// Name of the property.
@@ -193,21 +206,45 @@ impl Material {
     }
 
     /// All properties by name.
-    pub fn properties(&self) -> &BTreeMap<String, Property> {
+    pub fn properties(&self) -> &BTreeMap<String, Directional<Property>> {
         &self.properties
     }
 
     /// The property called `property`, if it is given.
-    pub fn get(&self, property: &str) -> Option<&Property> {
+    pub fn directional(&self, property: &str) -> Option<&Directional<Property>> {
         self.properties.get(property)
+    }
+
+    /// The property called `property`, if it is given, and is the same in all directions.
+    pub fn get(&self, property: &str) -> Option<&Property> {
+        self.directional(property)?.same()
+    }
+
+    /// The property called `property`, if it is given.
+    ///
+    /// # Errors
+    /// [`MaterialError::HasDirections`].
+    pub fn same_in_all_directions(
+        &self,
+        property: &str,
+    ) -> Result<Option<&Property>, MaterialError> {
+        let directions = || MaterialError::HasDirections {
+            material: self.name.clone(),
+            property: property.to_owned(),
+        };
+        let found = self.directional(property);
+        found
+            .map(|given| given.same().ok_or_else(directions))
+            .transpose()
     }
 
     /// The property called `property`.
     ///
     /// # Errors
-    /// [`MaterialError::Missing`].
+    /// [`MaterialError::Missing`] or [`MaterialError::HasDirections`].
     pub fn require(&self, property: &str) -> Result<&Property, MaterialError> {
-        self.get(property).ok_or_else(|| MaterialError::Missing {
+        let found = self.same_in_all_directions(property)?;
+        found.ok_or_else(|| MaterialError::Missing {
             material: self.name.clone(),
             property: property.to_owned(),
         })
@@ -216,7 +253,7 @@ impl Material {
     /// The property called `property`, which must be a single number.
     ///
     /// # Errors
-    /// [`MaterialError::Missing`] or [`MaterialError::NotConstant`].
+    /// [`MaterialError::Missing`], [`MaterialError::HasDirections`] or [`MaterialError::NotConstant`].
     pub fn constant(&self, property: &str) -> Result<f64, MaterialError> {
         self.require(property)?
             .constant()
@@ -295,13 +332,10 @@ pub(crate) fn known(property: &str) -> Result<&'static PropertyKey, MaterialErro
 /// Checks every number of a property.
 pub(crate) fn check_range(
     key: &'static PropertyKey,
-    property: &Property,
+    property: &Directional<Property>,
 ) -> Result<(), MaterialError> {
-    match property
-        .values()
-        .into_iter()
-        .find(|&value| !key.range.allows(value))
-    {
+    let values = property.values().iter().flat_map(Property::values);
+    match values.into_iter().find(|&value| !key.range.allows(value)) {
         Some(value) => Err(MaterialError::OutOfRange {
             property: key.name,
             value,

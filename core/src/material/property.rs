@@ -8,6 +8,7 @@ use serde::de::{self, DeserializeSeed, Deserializer, MapAccess, Visitor};
 use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
 
+use super::directional::Directional;
 use super::table::{Table, check_increasing};
 use super::vocabulary::nearest_name;
 
@@ -112,67 +113,132 @@ impl Property {
     }
 }
 
+/// Forms besides [`FORMS`] of a property that may have directions.
+const DIRECTIONS: &str = ", or { along = ..., across = ... } or { axes = [..., ..., ...] } of such values along the axes of the \
+                          material";
+
 const FORMS: &str = "a number, or { temperature = [...], value = [...] } with temperatures in \
                      kelvin, or { solid = ..., liquid = ... }";
 
 impl<'de> Deserialize<'de> for Property {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(PropertyVisitor)
+        let visitor = PropertyVisitor {
+            has_directions: false,
+        };
+        match deserializer.deserialize_any(visitor)? {
+            Directional::Same(property) => Ok(property),
+            Directional::Axes(_) => {
+                unreachable!("the visitor does not know the keys of directions")
+            }
+        }
     }
 }
 
-struct PropertyVisitor;
+/// Reads a property; `along`, `across` and `axes` only where it may have directions.
+pub(super) struct PropertyVisitor {
+    pub(super) has_directions: bool,
+}
+
+impl PropertyVisitor {
+    fn forms(&self) -> String {
+        match self.has_directions {
+            true => format!("{FORMS}{DIRECTIONS}"),
+            false => FORMS.to_owned(),
+        }
+    }
+}
 
 impl<'de> Visitor<'de> for PropertyVisitor {
-    type Value = Property;
+    type Value = Directional<Property>;
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(FORMS)
+        f.write_str(&self.forms())
     }
 
-    fn visit_f64<E: de::Error>(self, value: f64) -> Result<Property, E> {
+    fn visit_f64<E: de::Error>(self, value: f64) -> Result<Self::Value, E> {
         if value.is_finite() {
-            Ok(Property::Constant(value))
+            Ok(Directional::Same(Property::Constant(value)))
         } else {
             Err(E::custom(format_args!("{value} is not a finite number")))
         }
     }
 
-    fn visit_i64<E: de::Error>(self, value: i64) -> Result<Property, E> {
-        Ok(Property::Constant(value as f64))
+    fn visit_i64<E: de::Error>(self, value: i64) -> Result<Self::Value, E> {
+        self.visit_f64(value as f64)
     }
 
-    fn visit_u64<E: de::Error>(self, value: u64) -> Result<Property, E> {
-        Ok(Property::Constant(value as f64))
+    fn visit_u64<E: de::Error>(self, value: u64) -> Result<Self::Value, E> {
+        self.visit_f64(value as f64)
     }
 
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Property, A::Error> {
-        let mut temperature: Option<Temperatures> = None;
-        let mut value: Option<Vec<f64>> = None;
-        let mut solid: Option<OnePhase> = None;
-        let mut liquid: Option<OnePhase> = None;
-        while let Some(part) = map.next_key_seed(PropertyKeySeed)? {
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+        let mut parts = Parts::default();
+        while let Some(part) = map.next_key_seed(PropertyKeySeed(&self))? {
             match part {
-                PropertyKey::Temperature => temperature = Some(map.next_value()?),
-                PropertyKey::Value => value = Some(map.next_value()?),
-                PropertyKey::Solid => solid = Some(map.next_value()?),
-                PropertyKey::Liquid => liquid = Some(map.next_value()?),
+                PropertyKey::Temperature => parts.temperature = Some(map.next_value()?),
+                PropertyKey::Value => parts.value = Some(map.next_value()?),
+                PropertyKey::Solid => parts.solid = Some(map.next_value()?),
+                PropertyKey::Liquid => parts.liquid = Some(map.next_value()?),
+                PropertyKey::Along => parts.along = Some(map.next_value()?),
+                PropertyKey::Across => parts.across = Some(map.next_value()?),
+                PropertyKey::Axes => parts.axes = Some(map.next_value()?),
             }
         }
-        match (temperature, value, solid, liquid) {
-            (Some(temperature), Some(value), None, None) => Table::new(temperature.0, value)
-                .map(Property::Table)
-                .map_err(de::Error::custom),
-            (None, None, Some(solid), Some(liquid)) => Ok(Property::ByPhase {
+        parts.property(&self)
+    }
+}
+
+/// The keys of a property that were given.
+#[derive(Default)]
+struct Parts {
+    temperature: Option<Temperatures>,
+    value: Option<Vec<f64>>,
+    solid: Option<OnePhase>,
+    liquid: Option<OnePhase>,
+    along: Option<Property>,
+    across: Option<Property>,
+    axes: Option<[Property; 3]>,
+}
+
+impl Parts {
+    /// The property, if the keys are those of one form.
+    fn property<E: de::Error>(self, visitor: &PropertyVisitor) -> Result<Directional<Property>, E> {
+        let one = |first: bool, second: bool| usize::from(first || second);
+        let forms = one(self.temperature.is_some(), self.value.is_some())
+            + one(self.solid.is_some(), self.liquid.is_some())
+            + one(self.along.is_some(), self.across.is_some())
+            + one(self.axes.is_some(), false);
+        if forms != 1 {
+            return Err(E::custom(format_args!("expected {}", visitor.forms())));
+        }
+        let missing = |key| Err(E::missing_field(key));
+        if let Some(axes) = self.axes {
+            return Ok(Directional::Axes(Box::new(axes)));
+        }
+        let same = match (self.temperature, self.value, self.solid, self.liquid) {
+            (Some(temperature), Some(value), ..) => {
+                Property::Table(Table::new(temperature.0, value).map_err(E::custom)?)
+            }
+            (Some(_), ..) => return missing("value"),
+            (_, Some(_), ..) => return missing("temperature"),
+            (_, _, Some(solid), Some(liquid)) => Property::ByPhase {
                 solid: Box::new(solid.0),
                 liquid: Box::new(liquid.0),
-            }),
-            (Some(_), None, None, None) => Err(de::Error::missing_field("value")),
-            (None, Some(_), None, None) => Err(de::Error::missing_field("temperature")),
-            (None, None, Some(_), None) => Err(de::Error::missing_field("liquid")),
-            (None, None, None, Some(_)) => Err(de::Error::missing_field("solid")),
-            _ => Err(de::Error::custom(format_args!("expected {FORMS}"))),
-        }
+            },
+            (_, _, Some(_), _) => return missing("liquid"),
+            (_, _, _, Some(_)) => return missing("solid"),
+            _ => {
+                return match (self.along, self.across) {
+                    (Some(along), Some(across)) => {
+                        let axes = [along, across.clone(), across];
+                        Ok(Directional::Axes(Box::new(axes)))
+                    }
+                    (None, _) => missing("along"),
+                    (_, None) => missing("across"),
+                };
+            }
+        };
+        Ok(Directional::Same(same))
     }
 }
 
@@ -182,12 +248,15 @@ enum PropertyKey {
     Value,
     Solid,
     Liquid,
+    Along,
+    Across,
+    Axes,
 }
 
 /// Reads a key on its own, so that the reader's error points at the key.
-struct PropertyKeySeed;
+struct PropertyKeySeed<'a>(&'a PropertyVisitor);
 
-impl<'de> DeserializeSeed<'de> for PropertyKeySeed {
+impl<'de> DeserializeSeed<'de> for PropertyKeySeed<'_> {
     type Value = PropertyKey;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<PropertyKey, D::Error> {
@@ -197,15 +266,31 @@ impl<'de> DeserializeSeed<'de> for PropertyKeySeed {
             ("value", PropertyKey::Value),
             ("solid", PropertyKey::Solid),
             ("liquid", PropertyKey::Liquid),
+            ("along", PropertyKey::Along),
+            ("across", PropertyKey::Across),
+            ("axes", PropertyKey::Axes),
         ];
-        if let Some((_, part)) = parts.iter().find(|(name, _)| *name == key) {
-            return Ok(*part);
+        const WITHOUT_DIRECTIONS: usize = 4;
+        let found = parts.iter().position(|(name, _)| *name == key);
+        let (forms, has_directions) = (self.0.forms(), self.0.has_directions);
+        match found {
+            Some(at) if has_directions || at < WITHOUT_DIRECTIONS => return Ok(parts[at].1),
+            Some(_) => {
+                return Err(de::Error::custom(format_args!(
+                    "`{key}` belongs to properties with directions, but here a property is {forms}"
+                )));
+            }
+            None => {}
         }
+        let parts = match has_directions {
+            true => &parts[..],
+            false => &parts[..WITHOUT_DIRECTIONS],
+        };
         Err(match nearest_name(&key, parts.iter().map(|part| part.0)) {
             Some(nearest) => de::Error::custom(format_args!(
-                "unknown key `{key}`, did you mean `{nearest}`? A property is {FORMS}"
+                "unknown key `{key}`, did you mean `{nearest}`? A property is {forms}"
             )),
-            None => de::Error::custom(format_args!("unknown key `{key}`: a property is {FORMS}")),
+            None => de::Error::custom(format_args!("unknown key `{key}`: a property is {forms}")),
         })
     }
 }

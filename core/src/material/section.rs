@@ -9,7 +9,7 @@ use serde::de::{self, DeserializeSeed, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
 use super::vocabulary::{PropertyKey, known_properties};
-use super::{Property, check_range, known};
+use super::{Directional, Property, check_range, known};
 
 /// Keys of a section that are not properties.
 pub(super) const OTHER_KEYS: [&str; 2] = ["library", "description"];
@@ -21,6 +21,7 @@ pub(super) const OTHER_KEYS: [&str; 2] = ["library", "description"];
 /// library = "S355"          # optional: start from the library entry, keys below override it
 /// density = 7820            # [kg/m³]
 /// conductivity = { temperature = [293.15, 1273.15], value = [50, 30] }
+/// thermal_expansion = { along = -0.5e-6, across = 30e-6 }
 /// ```
 ///
 /// Reading it rejects unknown names and values out of range, each at its place in the file.
@@ -34,7 +35,7 @@ pub struct MaterialSection {
     pub description: Option<String>,
     /// Properties by name.
     #[serde(flatten)]
-    pub properties: BTreeMap<String, Property>,
+    pub properties: BTreeMap<String, Directional<Property>>,
 }
 
 impl<'de> Deserialize<'de> for MaterialSection {
@@ -95,10 +96,13 @@ impl<'de> DeserializeSeed<'de> for KeySeed {
 struct ValueSeed(&'static PropertyKey);
 
 impl<'de> DeserializeSeed<'de> for ValueSeed {
-    type Value = Property;
+    type Value = Directional<Property>;
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Property, D::Error> {
-        let property = Property::deserialize(deserializer)?;
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        let property = match self.0.has_directions {
+            true => Directional::deserialize(deserializer)?,
+            false => Directional::Same(Property::deserialize(deserializer)?),
+        };
         check_range(self.0, &property).map_err(de::Error::custom)?;
         Ok(property)
     }
@@ -111,6 +115,7 @@ impl JsonSchema for MaterialSection {
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let property = generator.subschema_for::<Property>();
+        let directional = generator.subschema_for::<Directional<Property>>();
         let mut keys = serde_json::Map::new();
         keys.insert(
             "library".to_owned(),
@@ -125,14 +130,18 @@ impl JsonSchema for MaterialSection {
         );
         for key in known_properties() {
             let description = format!("{} [{}], {}", key.meaning, key.unit, key.range);
+            let value = match key.has_directions {
+                true => &directional,
+                false => &property,
+            };
             keys.insert(
                 key.name.to_owned(),
-                serde_json::json!({ "description": description, "allOf": [property.clone()] }),
+                serde_json::json!({ "description": description, "allOf": [value] }),
             );
         }
         json_schema!({
             "type": "object",
-            "description": "A material: each property a number, a table against temperature, or one of these per phase",
+            "description": "A material: each property a number, a table against temperature, or one of these per phase; some may have one of these along each axis",
             "properties": keys,
             "additionalProperties": false
         })
@@ -190,6 +199,17 @@ mod tests {
                 "{ temperature = [300, 400], value = [0.5, 1.2] }",
             ),
             ("density = 'heavy'", "invalid type: string", "'heavy'"),
+            (
+                "density = { along = 1, across = 2 }",
+                "`along` belongs to properties with directions",
+                "along",
+            ),
+            // positive at all temperatures along all axes
+            (
+                "conductivity = { along = 8, across = { temperature = [300, 400], value = [1, -1] } }",
+                "`conductivity` must be above 0 [W/(m K)], but is -1",
+                "{ along = 8, across = { temperature = [300, 400], value = [1, -1] } }",
+            ),
         ];
         for (line, message, place) in cases {
             let source = format!("specific_heat = 500\n{line}\n");
@@ -202,7 +222,10 @@ mod tests {
     #[test]
     fn a_section_built_by_hand_is_checked_too() {
         let section = |property: &str, value| MaterialSection {
-            properties: BTreeMap::from([(property.to_owned(), Property::Constant(value))]),
+            properties: BTreeMap::from([(
+                property.to_owned(),
+                Directional::Same(Property::Constant(value)),
+            )]),
             ..Default::default()
         };
         assert_eq!(
@@ -267,7 +290,7 @@ mod tests {
     #[test]
     fn writing_and_reading_gives_the_same_section() {
         let section =
-            read("library = 'S355'\ndensity = 7820\nconductivity = { solid = 3, liquid = 4 }")
+            read("library = 'S355'\ndensity = 7820\nconductivity = { axes = [3, 4, { solid = 3, liquid = 4 }] }")
                 .expect("valid");
         let json = serde_json::to_string(&section).expect("serialises");
         assert_eq!(

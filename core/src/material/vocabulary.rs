@@ -11,6 +11,7 @@
 //!         unit: "m²/s",
 //!         meaning: "diffusivity of moisture",
 //!         range: ValueRange::Positive,
+//!         has_directions: false,
 //!     }
 //! }
 //! ```
@@ -31,6 +32,8 @@ pub struct PropertyKey {
     pub meaning: &'static str,
     /// Values it may take.
     pub range: ValueRange,
+    /// Whether it may differ along the axes of the material ([`Directional`](super::Directional)).
+    pub has_directions: bool,
 }
 
 inventory::collect!(PropertyKey);
@@ -128,7 +131,8 @@ register_property!(
     "conductivity",
     "W/(m K)",
     "thermal conductivity",
-    ValueRange::Positive
+    ValueRange::Positive,
+    directional
 );
 register_property!(
     "powder_conductivity",
@@ -182,7 +186,8 @@ register_property!(
     "thermal_expansion",
     "1/K",
     "mean (secant) coefficient of linear thermal expansion from `expansion_reference`",
-    ValueRange::Any
+    ValueRange::Any,
+    directional
 );
 register_property!(
     "expansion_reference",
@@ -194,13 +199,15 @@ register_property!(
     "instantaneous_expansion",
     "1/K",
     "instantaneous (tangent) coefficient of linear thermal expansion, in place of `thermal_expansion`",
-    ValueRange::Any
+    ValueRange::Any,
+    directional
 );
 register_property!(
     "thermal_elongation",
     "1",
     "table of the thermal elongation, relative to the length at any one temperature, in place of `thermal_expansion`",
-    ValueRange::Any
+    ValueRange::Any,
+    directional
 );
 register_property!("yield_stress", "Pa", "yield stress", ValueRange::Positive);
 register_property!(
@@ -257,6 +264,7 @@ mod tests {
             unit: "m²/s",
             meaning: "diffusivity of moisture (for this test)",
             range: ValueRange::Positive,
+            has_directions: false,
         }
     }
 

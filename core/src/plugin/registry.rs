@@ -84,16 +84,19 @@ macro_rules! register_coupler {
 }
 
 /// Makes a material property known: its name, SI unit, meaning, and
-/// [`ValueRange`](crate::material::ValueRange).
+/// [`ValueRange`](crate::material::ValueRange), and `directional` if it may differ along the axes of the material.
 #[macro_export]
 macro_rules! register_property {
-    ($name:literal, $unit:literal, $meaning:literal, $range:expr) => {
+    (@is) => { false };
+    (@is directional) => { true };
+    ($name:literal, $unit:literal, $meaning:literal, $range:expr $(, $directional:ident)?) => {
         $crate::inventory::submit! {
             $crate::material::PropertyKey {
                 name: $name,
                 unit: $unit,
                 meaning: $meaning,
                 range: $range,
+                has_directions: $crate::register_property!(@is $($directional)?),
             }
         }
     };

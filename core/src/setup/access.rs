@@ -23,6 +23,8 @@ pub enum Access {
     Give,
     /// Like `Give`, summed over the sub-steps of the physics, so that the other body may take longer steps.
     GiveSum,
+    /// Reads values that the case gives ([`Setup::given`]).
+    Given,
     /// Reads.
     Read,
     /// Reads if provided.
@@ -35,13 +37,19 @@ pub enum Access {
 
 impl Access {
     pub(super) fn provides(self) -> bool {
-        matches!(self, Access::Own | Access::Write)
+        matches!(self, Access::Own | Access::Write | Access::Given)
+    }
+
+    /// Whether it changes a field in a way that no other plugin may.
+    fn excludes(self, other: Access) -> bool {
+        let computes = |a: Access| matches!(a, Access::Own | Access::Write);
+        computes(self) && computes(other) || self.consumes() && other.consumes()
     }
 
     pub(crate) fn reads(self) -> bool {
         matches!(
             self,
-            Access::Read | Access::ReadIfProvided | Access::Consume | Access::Take
+            Access::Given | Access::Read | Access::ReadIfProvided | Access::Consume | Access::Take
         )
     }
 
@@ -93,11 +101,7 @@ impl Setup<'_> {
                 SetupError::new("", problem)
             })?;
         let plugin = self.current;
-        let rival = |d: &&Declaration| {
-            d.field == field
-                && (d.access.provides() && access.provides()
-                    || d.access.consumes() && access.consumes())
-        };
+        let rival = |d: &&Declaration| d.field == field && d.access.excludes(access);
         if let Some(first) = self.declarations.iter().find(rival) {
             let problem = Problem::TwoWriters {
                 field: key.name.to_string(),
@@ -266,6 +270,19 @@ impl Setup<'_> {
     ) -> Result<ReadIfProvided<T>, SetupError> {
         self.declare(body, key, Access::ReadIfProvided)
             .map(ReadIfProvided::new)
+    }
+
+    /// A field of a body that the case gives (`initial`), zero where it does not, unless a plugin computes it. Any number of
+    /// plugins may read it.
+    ///
+    /// # Errors
+    /// When it is known with another type.
+    pub fn given<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<Read<T>, SetupError> {
+        self.declare(body, key, Access::Given).map(Read::new)
     }
 
     /// Sets the values of a derived field before the first step, by point.

@@ -139,7 +139,12 @@ impl Setup<'_> {
 
     /// Plugins that act on the points of a body: they do more than read its fields, or have a family.
     fn acting_plugins(&self, body: BodyIndex) -> impl Iterator<Item = usize> {
-        let acts = |access: Access| !matches!(access, Access::Read | Access::ReadIfProvided);
+        let acts = |access: Access| {
+            !matches!(
+                access,
+                Access::Given | Access::Read | Access::ReadIfProvided
+            )
+        };
         let is_here = move |d: &&Declaration| self.world.fields.field(d.field).body == body;
         let declarations = self.declarations.iter().filter(is_here);
         let declared = declarations

@@ -4,7 +4,8 @@ use super::facts::Fact;
 use super::{BodyIndex, World};
 use crate::error::{Problem, SetupError};
 use crate::material::{
-    EnthalpyCurve, Expansion, LatentHeatForm, Material, MaterialError, MushyCapacity, Property,
+    Directional, EnthalpyCurve, Expansion, LatentHeatForm, Material, MaterialError, MushyCapacity,
+    Property,
 };
 
 /// How a body melts and freezes.
@@ -22,16 +23,16 @@ impl World {
     /// The property `name` of each material of a body.
     ///
     /// # Errors
-    /// When a material lacks it.
+    /// When a material lacks it, or it is not the same in all directions.
     pub fn property(&self, body: BodyIndex, name: &str) -> Result<Vec<Property>, SetupError> {
-        self.of_materials(body, name, |m| Ok(m.get(name).cloned()))
+        self.of_materials(body, name, |m| Ok(m.same_in_all_directions(name)?.cloned()))
     }
 
     /// The thermal expansion of each material of a body.
     ///
     /// # Errors
     /// When a material states none.
-    pub fn expansions(&self, body: BodyIndex) -> Result<Vec<Expansion>, SetupError> {
+    pub fn expansions(&self, body: BodyIndex) -> Result<Vec<Directional<Expansion>>, SetupError> {
         self.of_materials(body, "thermal_expansion", Expansion::of)
     }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use nalgebra::Matrix3;
 use perimelt_core::family::{Continuation, LayerRule, WithTractions};
 use perimelt_core::{Body, BondKernel, BrokenBonds, Family, SlotField};
+use rayon::prelude::*;
 
 use super::classical::{Point, symmetric};
 use super::elastic::ElasticPoints;
@@ -287,6 +288,27 @@ impl SolidBase {
         }
     }
 
+    /// The total strain of a point beyond that at its birth.
+    fn strain_since_birth(&self, point: usize, gradient: &Matrix3<f64>) -> Matrix3<f64> {
+        let strain = Point::strain(gradient, self.elastic.finite);
+        match self.elastic.birth.get(point) {
+            Some(birth) => strain - symmetric(birth),
+            None => strain,
+        }
+    }
+
+    /// Evaluates the stress conjugate to the eigenstrain at the gradients of points.
+    pub(super) fn evaluate_conjugate_stress(&mut self, gradient: &Gradient) {
+        let mut tensors = std::mem::take(&mut self.tensors);
+        let points = tensors.par_iter_mut().zip(&gradient.values).enumerate();
+        points.for_each(|(i, (tensor, gradient_of_point))| {
+            let law = self.law_of(gradient, i, StrainKind::Total);
+            let stress = law.stress(&self.strain_since_birth(i, gradient_of_point));
+            *tensor = law.components(&stress, self.elastic.is_plane_strain());
+        });
+        self.tensors = tensors;
+    }
+
     /// Energy density of the total strain (J/m³) and the stress conjugate to the eigenstrain (Pa) of a point with a law of
     /// changes and a gradient of the displacement.
     pub(super) fn total_energy(
@@ -295,10 +317,7 @@ impl SolidBase {
         law: &Point,
         gradient: &Matrix3<f64>,
     ) -> [f64; 2] {
-        let mut strain = Point::strain(gradient, self.elastic.finite);
-        if let Some(stress_free) = self.elastic.stress_free.get(point) {
-            strain -= symmetric(stress_free);
-        }
+        let strain = self.strain_since_birth(point, gradient);
         let stress = law.stress(&strain);
         let conjugate = (0..self.dimension).map(|a| stress[(a, a)]).sum::<f64>();
         [0.5 * stress.dot(&strain), conjugate * law.moduli.swelling]

@@ -141,6 +141,13 @@ pub(super) fn image_of(scale: &Matrix3<f64>, strain: &[f64; 6], mirror: &Matrix3
     COMPONENTS.map(|(a, b)| 0.5 * (image[(a, b)] + image[(b, a)]))
 }
 
+/// Eigenstrain of a mirror image: that of a body which is symmetric about the face, or, where the displacement along the face is
+/// held, too, that of a body which goes on behind it. `scale` has the factors on the displacement of the image.
+pub(super) fn eigenstrain_of_image(scale: [f64; 3], strain: &[f64; 6]) -> [f64; 6] {
+    let signs = diagonal(scale.map(|s| if s > 0.0 { 1.0 } else { -1.0 }));
+    image_of(&signs, strain, &signs)
+}
+
 pub(super) fn diagonal(signs: [f64; 3]) -> Matrix3<f64> {
     Matrix3::from_diagonal(&signs.into())
 }
@@ -271,5 +278,9 @@ mod tests {
         assert_eq!(even, [1.0, 2.0, 3.0, -4.0, 5.0, -6.0]);
         let odd = image_of(&-mirror, &strain, &mirror);
         assert_eq!(odd, [-1.0, -2.0, -3.0, 4.0, -5.0, 6.0]);
+        assert_eq!(eigenstrain_of_image([-1.0, 1.0, 1.0], &strain), even);
+        // a wall, with a layer that is mirrored or constant
+        assert_eq!(eigenstrain_of_image([-1.0; 3], &strain), strain);
+        assert_eq!(eigenstrain_of_image([0.0; 3], &strain), strain);
     }
 }

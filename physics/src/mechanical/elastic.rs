@@ -3,11 +3,11 @@
 use perimelt_core::Body;
 use rayon::prelude::*;
 
-use super::classical::{Point, symmetric};
+use super::classical::{COMPONENTS, Point, symmetric};
 use super::gradient::Gradient;
 use super::moduli::{Elasticity, Moduli, Plane};
 use super::plasticity::StressState;
-use super::solid::PointModuli;
+use super::solid::{PointModuli, StressFreeStrain};
 
 /// Moduli and eigenstrain of the points of a body.
 #[derive(Debug)]
@@ -22,10 +22,13 @@ pub(super) struct ElasticPoints {
     moduli: Vec<Moduli>,
     /// In-plane stress-free strain of each point.
     pub(super) eigenstrain: Vec<f64>,
-    /// Stress-free strain with components of each point (xx, yy, zz, xy, yz, zx); empty if there is none.
+    /// Stress-free strain with components of each point (xx, yy, zz, xy, yz, zx); empty if there is none. In finite kinematics
+    /// it is that of Green and Lagrange.
     pub(super) stress_free: Vec<[f64; 6]>,
-    /// The part of it that is prescribed at points, not found from their own strain; empty if there is none.
+    /// Eigenstrain with components, by which lengths of the undeformed body grow; empty if there is none.
     pub(super) prescribed: Vec<[f64; 6]>,
+    /// Stress-free strain of births; empty if there is none.
+    pub(super) birth: Vec<[f64; 6]>,
     /// Largest factor by which moduli rose since it was taken, at least one.
     stiffening: f64,
 }
@@ -47,6 +50,7 @@ impl ElasticPoints {
             eigenstrain: vec![0.0; body.points.len()],
             stress_free: Vec::new(),
             prescribed: Vec::new(),
+            birth: Vec::new(),
             stiffening: 1.0,
         }
     }
@@ -126,6 +130,31 @@ impl ElasticPoints {
         true
     }
 
+    /// Takes the stress-free strains with components; whether the eigenstrain among them changed.
+    pub(super) fn set_stress_free(&mut self, stress_free: StressFreeStrain<'_>) -> bool {
+        let StressFreeStrain { strain, prescribed } = stress_free;
+        self.stress_free.clear();
+        self.stress_free.extend_from_slice(strain);
+        self.birth.clear();
+        self.birth.extend_from_slice(strain);
+        for (birth, prescribed) in self.birth.iter_mut().zip(prescribed) {
+            (0..6).for_each(|c| birth[c] -= prescribed[c]);
+        }
+        if self.finite {
+            let points = self.stress_free.iter_mut().zip(prescribed);
+            for ((own, prescribed), isotropic) in points.zip(&self.eigenstrain) {
+                let second = second_order(prescribed, *isotropic);
+                (0..6).for_each(|c| own[c] += second[c]);
+            }
+        }
+        if self.prescribed == prescribed {
+            return false;
+        }
+        self.prescribed.clear();
+        self.prescribed.extend_from_slice(prescribed);
+        true
+    }
+
     /// In-plane isotropic strain that has the in-plane stress of a strain `across` the plane of plane strain; zero otherwise.
     pub(super) fn in_plane(&self, point: usize, across: f64) -> f64 {
         match self.is_plane_strain() {
@@ -142,14 +171,17 @@ impl ElasticPoints {
         if self.prescribed.is_empty() {
             return None;
         }
-        let of_point = |point: usize| {
-            let mut strain = self.prescribed[point];
-            let isotropic = self.eigenstrain[point] + self.in_plane(point, strain[2]);
-            strain[..3].iter_mut().for_each(|e| *e += isotropic);
-            strain
-        };
         let points = (0..self.eigenstrain.len()).into_par_iter();
+        let of_point = |point: usize| self.in_plane_tensor(point, self.eigenstrain[point]);
         Some(points.map(of_point).collect())
+    }
+
+    /// The in-plane strain of the eigenstrain with components of a point, and of an isotropic one in the plane.
+    pub(super) fn in_plane_tensor(&self, point: usize, isotropic: f64) -> [f64; 6] {
+        let mut strain = self.prescribed[point];
+        let isotropic = isotropic + self.in_plane(point, strain[2]);
+        strain[..3].iter_mut().for_each(|e| *e += isotropic);
+        strain
     }
 
     /// The points with their displacement gradients.
@@ -159,6 +191,13 @@ impl ElasticPoints {
             gradient,
         }
     }
+}
+
+/// What the strain of Green and Lagrange of the stretch `1 + e + E` has beyond E and that of e: `e E + E E / 2`.
+fn second_order(tensor: &[f64; 6], isotropic: f64) -> [f64; 6] {
+    let tensor = symmetric(tensor);
+    let second = tensor * isotropic + tensor * tensor * 0.5;
+    COMPONENTS.map(|at| second[at])
 }
 
 /// The points of a body with their displacement gradients.

@@ -20,13 +20,15 @@ pub(super) struct Fields {
     pub(super) conjugate_stress: Write<f64>,
     /// Whether a coupler reads the conjugate stress, so that it is needed in each step.
     pub(super) conjugate_stress_is_read: bool,
+    /// If a coupler reads it.
+    pub(super) conjugate_stress_tensor: Option<Write<Matrix3<f64>>>,
     pub(super) plastic: Option<PlasticFields>,
     /// State variables of the law of elasticity.
     pub(super) law_variables: Vec<VariableField>,
     /// If bonds break.
     pub(super) damage: Option<Damage>,
     pub(super) eigenstrain: Option<Read<f64>>,
-    pub(super) inherent_strain: Option<Read<Matrix3<f64>>>,
+    pub(super) eigenstrain_tensor: Option<Read<Matrix3<f64>>>,
     /// For a body that grows.
     pub(super) birth_strain: Option<Write<Matrix3<f64>>>,
     pub(super) body_force: Option<Read<Vector3<f64>>>,
@@ -247,8 +249,16 @@ impl Fields {
                 Access::Read,
             ),
             conjugate_stress: setup.own(body, &keys::CONJUGATE_STRESS)?,
+            conjugate_stress_tensor: match setup.is_declared(
+                body,
+                &keys::CONJUGATE_STRESS_TENSOR,
+                Access::Read,
+            ) {
+                true => Some(setup.own(body, &keys::CONJUGATE_STRESS_TENSOR)?),
+                false => None,
+            },
             eigenstrain: setup.consume_if_added(body, &keys::EIGENSTRAIN)?,
-            inherent_strain: setup.consume_if_added(body, &keys::INHERENT_STRAIN)?,
+            eigenstrain_tensor: setup.consume_if_added(body, &keys::EIGENSTRAIN_TENSOR)?,
             birth_strain: match setup.world().is_growing(body) {
                 true => Some(setup.own(body, &keys::BIRTH_STRAIN)?),
                 false => None,

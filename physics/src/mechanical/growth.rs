@@ -66,56 +66,52 @@ pub(super) fn continued_part(gradient: &Matrix3<f64>) -> Matrix3<f64> {
     }
 }
 
-/// Refuses keys that do not go together with a body that grows or with inherent strains.
+/// Refuses keys that do not go together with a body that grows, or with an eigenstrain that differs by direction.
 pub(super) fn check(
     keys: &Mechanical,
     setup: &Setup<'_>,
     body: BodyIndex,
 ) -> Result<(), SetupError> {
-    let grows = setup.world().is_growing(body);
-    let has_strain = setup.is_declared(body, &keys::INHERENT_STRAIN, Access::Add);
-    if !(grows || has_strain) {
-        return Ok(());
-    }
-    let cause = match grows {
-        true => "a body whose material is deposited or cut off",
-        false => "a body with an inherent strain",
-    };
     let refuse =
         |key: &str, message: String, expected: &str| Err(SetupError::value(key, message, expected));
-    let formulation = keys.formulation();
-    if matches!(formulation, Formulation::Bond | Formulation::Ordinary) {
+    let (formulation, grows) = (keys.formulation(), setup.world().is_growing(body));
+    let cause = "a body whose material is deposited or cut off";
+    if grows && matches!(formulation, Formulation::Bond | Formulation::Ordinary) {
         let message = format!("`formulation = \"bond\"` and `\"ordinary\"` do not support {cause}");
         let expected = "`formulation = \"correspondence\"` or `\"staggered\"`";
         return refuse("formulation", message, expected);
     }
-    if !grows {
-        return Ok(());
-    }
-    if keys.fracture.is_some() {
+    let reads_tensor = setup.is_declared(body, &keys::CONJUGATE_STRESS_TENSOR, Access::Read);
+    let has_tensor = formulation == Formulation::Correspondence
+        && setup.is_declared(body, &keys::EIGENSTRAIN_TENSOR, Access::Add);
+    let heat = "the heat of deformation of a material that expands differently along its axes";
+    let strain = "a stress-free strain that differs by direction in a correspondence solid";
+    let causes = [(grows, cause), (reads_tensor, heat), (has_tensor, strain)];
+    let cause_of_fracture = causes.iter().find(|(applies, _)| *applies);
+    if let (Some(_), Some((_, cause))) = (&keys.fracture, cause_of_fracture) {
         let message = format!("`fracture` does not support {cause}");
         return refuse("fracture", message, "no `fracture`");
     }
-    if keys.surface_stress != SurfaceStress::Direct {
+    if grows && keys.surface_stress != SurfaceStress::Direct {
         let message = format!("`surface_stress = \"extrapolated\"` does not support {cause}");
         return refuse("surface_stress", message, "\"direct\"");
     }
     Ok(())
 }
 
-/// Refuses a traction by a layer, whose slope takes no strain at birth into account.
+/// Refuses a traction by a layer, whose slope takes neither strains at birth nor those that differ by direction into account.
 pub(super) fn check_layer(
     setup: &Setup<'_>,
     body: BodyIndex,
     face: Face,
 ) -> Result<(), SetupError> {
-    if !(setup.world().is_growing(body)
-        || setup.is_declared(body, &keys::INHERENT_STRAIN, Access::Add))
-    {
+    let has_tensor = setup.is_declared(body, &keys::EIGENSTRAIN_TENSOR, Access::Add);
+    if !setup.world().is_growing(body) && !has_tensor {
         return Ok(());
     }
     let message = format!(
-        "the traction on face `{}` acts by a layer, which does not know the strain at which material was deposited",
+        "the traction on face `{}` acts by a layer, which knows neither the strain at which material was deposited nor a \
+         stress-free strain that differs by direction",
         face.name()
     );
     Err(SetupError::value(
@@ -457,29 +453,32 @@ impl MechanicalRun {
         }
     }
 
-    /// Takes the strains with components at which points are free of stress.
+    /// Takes the strains with components at which points are free of stress, and notes them for the solvers.
     pub(super) fn load_stress_free(&mut self, world: &World) {
-        let birth = self.fields.birth_strain.map(|f| world.read(f.into()));
-        let inherent = self.fields.inherent_strain.map(|f| world.read(f));
-        if birth.is_none() && inherent.is_none() {
-            return;
+        let strains = self.set_stress_free(world);
+        if !strains.is_empty() {
+            self.eigenstrain_size += max_abs(strains.as_flattened());
+            self.note_stress_free(world, &strains);
         }
-        let sum_of = |fields: [Option<&[Matrix3<f64>]>; 2]| -> Vec<[f64; 6]> {
-            let strain = |point: usize| {
-                let sum: Matrix3<f64> =
-                    fields.into_iter().flatten().map(|field| field[point]).sum();
-                COMPONENTS.map(|at| sum[at])
-            };
-            let strains = (0..self.density.len()).into_par_iter().map(strain);
-            strains.collect()
-        };
-        let strains = sum_of([birth.as_deref(), inherent.as_deref()]);
-        let prescribed = match &inherent {
-            Some(_) => sum_of([inherent.as_deref(), None]),
+    }
+
+    /// Takes the strains with components at which points are free of stress; returns them, empty if there are none.
+    pub(super) fn set_stress_free(&mut self, world: &World) -> Vec<[f64; 6]> {
+        let birth = self.fields.birth_strain.map(|f| world.read(f.into()));
+        let tensor = self.fields.eigenstrain_tensor.map(|f| world.read(f));
+        let (birth, tensor) = (birth.as_deref(), tensor.as_deref());
+        let fields: Vec<&[Matrix3<f64>]> = [birth, tensor].into_iter().flatten().collect();
+        if fields.is_empty() {
+            return Vec::new();
+        }
+        let points = || (0..self.density.len()).into_par_iter();
+        let components = |tensor: Matrix3<f64>| COMPONENTS.map(|at| tensor[at]);
+        let sum = |point: usize| components(fields.iter().map(|field| field[point]).sum());
+        let strains: Vec<[f64; 6]> = points().map(sum).collect();
+        let prescribed: Vec<[f64; 6]> = match tensor {
+            Some(tensor) => points().map(|point| components(tensor[point])).collect(),
             None => Vec::new(),
         };
-        self.eigenstrain_size += max_abs(strains.as_flattened());
-        self.note_stress_free(world, &strains);
         self.solid.set_points(PointStates {
             stress_free: Some(StressFreeStrain {
                 strain: &strains,
@@ -487,5 +486,6 @@ impl MechanicalRun {
             }),
             ..PointStates::default()
         });
+        strains
     }
 }

@@ -14,7 +14,7 @@ use super::section::Section;
 use super::surface_stress::SurfaceStress;
 
 /// Thermoelastic solid: bond-based, ordinary state-based, by correspondence or staggered; owns `displacement` and `velocity`,
-/// consumes `eigenstrain` and `body_force`, provides `stress` and `conjugate_stress`.
+/// consumes `eigenstrain`, `eigenstrain_tensor` and `body_force`, provides `stress` and `conjugate_stress`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mechanical {

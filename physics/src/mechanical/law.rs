@@ -395,9 +395,12 @@ impl ChosenLaw {
                 "material that is deposited or cut off takes its stress from a linear law";
             return refuse(message.into(), "a body that does not change");
         }
-        if setup.is_declared(body, &keys::INHERENT_STRAIN, Access::Add) {
-            let message = "an inherent strain makes its stress by a linear law";
-            return refuse(message.into(), "no inherent strain");
+        if setup.is_declared(body, &keys::EIGENSTRAIN_TENSOR, Access::Add)
+            || setup.is_declared(body, &keys::CONJUGATE_STRESS_TENSOR, Access::Read)
+        {
+            let message =
+                "a stress-free strain that differs by direction makes its stress by a linear law";
+            return refuse(message.into(), "no such strain");
         }
         Ok(())
     }

@@ -6,7 +6,7 @@
 //! rho u'' = sum_j T_ij - T_ji + b                               Wang (2025), eq. 3.2
 //! ```
 //!
-//! with force states T that follow the displacement and the eigenstrain (sink field, from thermal
+//! with force states T that follow the displacement and the eigenstrain (sink fields, from thermal
 //! expansion), and b the sink field `body_force`, N/m³. Moduli depend on the temperature where the
 //! material gives tables. Metal flows plastically by [`plasticity`], bonds break by [`fracture`]. With `linear`
 //! kinematics eigenstrains must be small.
@@ -243,6 +243,7 @@ impl RunningPhysics for RunningMechanical {
         if run.fields.conjugate_stress_is_read {
             run.provide_conjugate_stress(world);
         }
+        run.provide_conjugate_tensor(world);
         if self.is_explicit {
             run.watch_energy(world, step)?;
         }
@@ -255,6 +256,7 @@ impl RunningPhysics for RunningMechanical {
             run.sample_energy(world, time)?;
         }
         run.provide_conjugate_stress(world);
+        run.provide_conjugate_tensor(world);
         run.provide_stress(world);
         run.examine_validity(world);
         if self.is_explicit {

@@ -15,6 +15,7 @@ impl MechanicalRun {
                 ..PointStates::default()
             });
         }
+        self.set_stress_free(world);
         self.load_displacement(world);
         let mut stress = world.write(self.fields.stress);
         let wanted = Wanted::stress(StressKind::Spatial);
@@ -33,6 +34,19 @@ impl MechanicalRun {
         let energies = self.energies_after_step(world);
         for (p, [_, conjugate_stress]) in world.write(field).iter_mut().zip(energies) {
             *p = *conjugate_stress;
+        }
+    }
+
+    /// Provides the conjugate stress as a tensor where a coupler reads it.
+    pub(super) fn provide_conjugate_tensor(&mut self, world: &World) {
+        let Some(field) = self.fields.conjugate_stress_tensor else {
+            return;
+        };
+        self.load_displacement(world);
+        let wanted = Wanted::stress(StressKind::Conjugate);
+        let found = self.solid.evaluate(wanted).stress;
+        for (tensor, components) in world.write(field).iter_mut().zip(found) {
+            *tensor = classical::symmetric(components);
         }
     }
 }

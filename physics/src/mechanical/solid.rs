@@ -118,12 +118,13 @@ pub enum PointModuli<'a> {
     Stiffest(&'a Body),
 }
 
-/// Stress-free strain with components (xx, yy, zz, xy, yz, zx) of each point.
+/// Stress-free strain with components (xx, yy, zz, xy, yz, zx) of each point, in addition to the isotropic eigenstrain.
 #[derive(Clone, Copy, Debug)]
 pub struct StressFreeStrain<'a> {
-    /// The strain, in addition to the eigenstrain.
+    /// The sum of the eigenstrain that differs by direction and the strain at birth.
     pub strain: &'a [[f64; 6]],
-    /// The part of it that is prescribed at points and does not follow from their own strain; empty if there is none.
+    /// The eigenstrain that differs by direction: it is prescribed at points and does not follow from their own strain.
+    /// Empty if there is none.
     pub prescribed: &'a [[f64; 6]],
 }
 
@@ -134,7 +135,7 @@ pub struct PointStates<'a> {
     pub moduli: Option<PointModuli<'a>>,
     /// Isotropic stress-free strain of each point; mirrored layers take that of their points.
     pub eigenstrain: Option<&'a [f64]>,
-    /// Further stress-free strain; set-up refuses it unless the formulation is `correspondence`.
+    /// Further stress-free strain. Set-up refuses that of births unless the formulation is `correspondence` or `staggered`.
     pub stress_free: Option<StressFreeStrain<'a>>,
     /// Points that have material, of a family that grows; set-up refuses it unless the formulation is
     /// `correspondence`.
@@ -200,6 +201,9 @@ pub enum StressKind {
     Spatial,
     /// The stress that enters the flow rule, without rotation; empty for a body that does not flow.
     Material,
+    /// The stress conjugate to the eigenstrain: the derivative of the energy of the total strain by the strain in the
+    /// undeformed body.
+    Conjugate,
 }
 
 /// The energy density that is evaluated.

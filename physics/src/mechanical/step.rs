@@ -107,6 +107,7 @@ impl MechanicalRun {
         if self.fields.conjugate_stress_is_read {
             self.provide_conjugate_stress(world);
         }
+        self.provide_conjugate_tensor(world);
         self.state.initial = self.momentum(world);
     }
 

@@ -18,6 +18,7 @@ mod row_sums;
 
 use std::sync::Arc;
 
+use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::material::{EnthalpyCurve, HeatPotential, Property};
 use perimelt_core::solver::reduce::max_abs;
@@ -212,6 +213,13 @@ impl Conduction {
             self.directions = Some(directions);
         }
         self.states = Some(OrdinaryState::new(body, stabilisation));
+    }
+
+    /// Turns the directions of conductivities by rotation vectors of the points, rad.
+    pub(super) fn set_orientation(&mut self, orientation: &[Vector3<f64>]) {
+        if let Some(directions) = &mut self.directions {
+            directions.set_orientation(orientation);
+        }
     }
 
     /// Adds powder with these conductivities by material.

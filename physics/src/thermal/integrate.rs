@@ -251,6 +251,9 @@ impl RunningThermal {
         self.hold_temperatures(world);
         self.follow_interfaces(world);
         self.follow_surface(world);
+        if let Some(orientation) = self.orientation {
+            self.conduction.set_orientation(&world.read(orientation));
+        }
         if let Some(consolidated) = self.consolidated {
             self.conduction.consolidate(&world.read(consolidated));
         }

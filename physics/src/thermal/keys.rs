@@ -17,7 +17,7 @@ pub struct Thermal {
     /// Body that conducts; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
-    /// Law of conductivity; when left out `isotropic`, by the property `conductivity` of the material. Laws with directions need
+    /// Law of conductivity; when left out `fourier`, the property `conductivity` of the material. Laws with directions need
     /// `form = "ordinary"`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub conductivity: Option<Law<dyn AnyConductivity>>,

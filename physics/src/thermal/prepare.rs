@@ -16,7 +16,7 @@ use crate::dependent_keys::need;
 
 use super::carried::{CarriedHeat, FlowFields, WallInFlow};
 use super::conduction::{Conduction, calibration};
-use super::conductivity::{Conductivity, Directions, conductivities};
+use super::conductivity::{Directions, conductivities};
 use super::faces::HeatedFace;
 use super::growth::Growth;
 use super::integrate::Integrator;
@@ -102,8 +102,12 @@ impl RunningThermal {
             austenite.is_none() || !conduction.has_directions(),
             "conductivity",
             "the conductivity of austenite has no directions",
-            "`conductivity.isotropic`, or a material without `austenite_conductivity`",
+            "a `conductivity` without directions, or a material without `austenite_conductivity`",
         )?;
+        let orientation = match conduction.has_directions() {
+            true => Some(setup.given(body, &keys::ORIENTATION)?),
+            false => None,
+        };
         let carried = match keys.convection {
             Some(convection) => Some(thermal.carried(setup, &domain, convection)?),
             None => None,
@@ -114,7 +118,7 @@ impl RunningThermal {
             surface.is_none() || !conduction.has_directions(),
             "conductivity",
             "boundaries that exchange heat through the surface take the same conductivity in all directions",
-            "`conductivity.isotropic`, or prescribed temperatures",
+            "a `conductivity` without directions, or prescribed temperatures",
         )?;
         let fixed =
             fields.constraint.is_some() || surface.as_ref().is_some_and(Surface::has_conductance);
@@ -133,6 +137,7 @@ impl RunningThermal {
             floating: domain.heated.is_empty() && !fixed && !has_conductance,
             curves,
             conduction,
+            orientation,
             carried,
             cracks: keys.follows_cracks.then(Cracks::default),
             growth,
@@ -262,14 +267,14 @@ impl Thermal {
     ) -> Result<(FamilyHandle, Conduction), SetupError> {
         let body = domain.body;
         let found = conductivities(self.conductivity.clone(), setup.body(body))?;
-        let directions = Directions::of(&found, setup.body(body).dimension);
+        let directions = Directions::of(&found, setup.body(body));
         need(
             directions.is_none() || self.form == Form::Ordinary,
             "form",
             "a conductivity with directions needs the ordinary form: bonds and second derivatives conduct the same in all directions",
-            "`form = \"ordinary\"`, or `conductivity.isotropic`",
+            "`form = \"ordinary\"`, or a `conductivity` without directions",
         )?;
-        let conductivity = found.into_iter().map(Conductivity::first).collect();
+        let conductivity = found.iter().map(|k| k.along(0).clone()).collect();
         let points = setup.body(body).points.len();
         let (BondKeys { correction, .. }, stabilisation) = match form {
             FormKeys::Bonds(keys) => (keys, None),

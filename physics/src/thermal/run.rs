@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use nalgebra::Vector3;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::refinement::Level;
 use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
@@ -35,6 +36,8 @@ pub(super) struct RunningThermal {
     pub(super) fields: HeatFields,
     pub(super) curves: Vec<EnthalpyCurve>,
     pub(super) conduction: Conduction,
+    /// Where conductivities have directions.
+    pub(super) orientation: Option<Read<Vector3<f64>>>,
     /// Convection, in an Eulerian fluid.
     pub(super) carried: Option<CarriedHeat>,
     pub(super) cracks: Option<Cracks>,

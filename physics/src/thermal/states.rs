@@ -174,7 +174,7 @@ impl OrdinaryState {
                 let found = match conductivity.directions {
                     None => *k * (excess(inverse, s) * gradient),
                     Some(directions) => {
-                        let flux = directions.times(i, matter.material[i], gradient);
+                        let flux = directions.times(i, gradient);
                         inverse * flux - s * *k * gradient
                     }
                 };

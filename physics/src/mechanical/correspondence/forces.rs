@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::Correspondence;
 use super::kernels::{DISPLACEMENT, Force};
 use crate::mechanical::base::{Bonds, SolidBase, flat, unflatten};
-use crate::mechanical::classical::{Point, diagonal, image_of};
+use crate::mechanical::classical::{Point, diagonal, eigenstrain_of_image, image_of};
 use crate::mechanical::fracture::Fracture;
 use crate::mechanical::gradient::without;
 use crate::mechanical::layer_forces::Summed;
@@ -118,6 +118,26 @@ impl Correspondence {
         self.force_state_with(strained, stress, change, finite)
     }
 
+    /// Inelastic strain of an image. Its eigenstrain continues otherwise than the rest where the image is not symmetric.
+    fn inelastic_of_image(
+        &self,
+        image: &Image,
+        inelastic: &[f64; 6],
+        strain: StrainKind,
+    ) -> [f64; 6] {
+        let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
+        let eigenstrain = self.base.elastic.prescribed.get(image.point);
+        match eigenstrain.filter(|_| strain == StrainKind::Elastic && !image.is_symmetric()) {
+            None => image_of(&scale, inelastic, &mirror),
+            Some(own) => {
+                let rest = std::array::from_fn(|c| inelastic[c] - own[c]);
+                let rest = image_of(&scale, &rest, &mirror);
+                let own = eigenstrain_of_image(image.scale, own);
+                std::array::from_fn(|c| rest[c] + own[c])
+            }
+        }
+    }
+
     /// Evaluates the stress and loads the force states.
     pub(super) fn load_force_state(&mut self, strain: StrainKind, finite: bool) {
         let dimension = self.base.dimension;
@@ -177,7 +197,7 @@ impl Correspondence {
             }
             let mut point = self.point(image.point, strain);
             if self.base.plasticity.is_some() || !self.base.elastic.stress_free.is_empty() {
-                let inelastic = image_of(&scale, &point.inelastic, &mirror);
+                let inelastic = self.inelastic_of_image(image, &point.inelastic, strain);
                 point = point.replace_inelastic(self.base.elastic.stress_state(), inelastic);
             }
             let state = self.force_state_of(&strained, &point, finite);

@@ -164,13 +164,7 @@ impl Correspondence {
     }
 
     fn set_stress_free(&mut self, stress_free: StressFreeStrain<'_>) {
-        let StressFreeStrain { strain, prescribed } = stress_free;
-        let elastic = &mut self.base.elastic;
-        elastic.stress_free.clear();
-        elastic.stress_free.extend_from_slice(strain);
-        if elastic.prescribed != prescribed {
-            elastic.prescribed.clear();
-            elastic.prescribed.extend_from_slice(prescribed);
+        if self.base.elastic.set_stress_free(stress_free) {
             self.gradient.forget_strains();
         }
     }
@@ -253,6 +247,7 @@ impl Solid for Correspondence {
         match stress {
             Some(StressKind::Spatial) => self.evaluate_stress(),
             Some(StressKind::Material) => self.base.evaluate_tried_stress(Some(&self.gradient)),
+            Some(StressKind::Conjugate) => self.base.evaluate_conjugate_stress(&self.gradient),
             None => {}
         }
         match energy {

@@ -29,7 +29,7 @@ pub(super) struct Dilatation {
     /// The parts of `sums` along the axes, and minus that of the eigenstrain, which the images of points need; empty
     /// without layers.
     parts: Vec<[f64; 4]>,
-    /// `sum_j w n (x) n` of each point; empty until a layer is bent.
+    /// `sum_j w n (x) n` of each point; empty until it is needed.
     directions: Vec<[f64; 6]>,
     pressure: Vec<f64>,
 }
@@ -116,17 +116,21 @@ impl Dilatation {
         broken: Option<&BrokenBonds>,
     ) {
         let Self { sums, parts, .. } = self;
-        let has_eigenstrain = strain == StrainKind::Elastic && !inputs.is_free_of_eigenstrain();
+        let is_elastic = strain == StrainKind::Elastic;
+        let has_tensor = is_elastic && inputs.has_tensor();
+        let has_eigenstrain = is_elastic && !inputs.is_free_of_eigenstrain();
         if parts.is_empty() {
-            specialise!(FINITE = finite => match has_eigenstrain {
-                true => inputs.sum::<INPUTS, 1>(&ElasticDilation::<FINITE>, broken, sums),
-                false => inputs.sum::<3, 1>(&Dilation::<FINITE>, broken, sums),
+            specialise!(FINITE = finite => match (has_tensor, has_eigenstrain) {
+                (true, _) => inputs.sum_with_tensor(ElasticDilation::<FINITE>, broken, sums),
+                (false, true) => inputs.sum::<INPUTS, 1>(&ElasticDilation::<FINITE>, broken, sums),
+                (false, false) => inputs.sum::<3, 1>(&Dilation::<FINITE>, broken, sums),
             });
             return;
         }
-        specialise!(FINITE = finite => match has_eigenstrain {
-            true => inputs.sum::<INPUTS, 4>(&ElasticExpansion::<FINITE>, broken, parts),
-            false => inputs.sum::<3, 4>(&Expansion::<FINITE>, broken, parts),
+        specialise!(FINITE = finite => match (has_tensor, has_eigenstrain) {
+            (true, _) => inputs.sum_with_tensor(ElasticExpansion::<FINITE>, broken, parts),
+            (false, true) => inputs.sum::<INPUTS, 4>(&ElasticExpansion::<FINITE>, broken, parts),
+            (false, false) => inputs.sum::<3, 4>(&Expansion::<FINITE>, broken, parts),
         });
         let sums = sums.par_iter_mut().zip(parts).with_min_len(4096);
         sums.for_each(|(sum, [x, y, z, eigenstrain])| *sum = [*x + *y + *z - *eigenstrain]);
@@ -174,14 +178,9 @@ impl Dilatation {
         law.pressure(point, self.normaliser[point], dilation, inelastic)
     }
 
-    /// Sums what bent layers need.
-    pub(super) fn sum_directions(
-        &mut self,
-        continuation: &Continuation,
-        inputs: &Inputs,
-        broken: Option<&BrokenBonds>,
-    ) {
-        if continuation.is_bent() && self.directions.is_empty() {
+    /// Sums what bent layers and the conjugate stress need.
+    pub(super) fn sum_directions(&mut self, inputs: &Inputs, broken: Option<&BrokenBonds>) {
+        if self.directions.is_empty() {
             self.directions = vec![[0.0; 6]; self.sums.len()];
             inputs.sum::<INPUTS, 6>(&Directions, broken, &mut self.directions);
         }
@@ -211,6 +210,19 @@ impl Dilatation {
             energy -= relieved * (dilatation - 0.5 * in_plane);
         }
         energy
+    }
+
+    /// Contribution of the stretches that were summed last to the stress conjugate to the eigenstrain as a tensor, Pa.
+    pub(super) fn conjugate_stress_tensor(
+        &self,
+        elastic: &ElasticPoints,
+        point: usize,
+    ) -> [f64; 6] {
+        let a = elastic
+            .moduli(point)
+            .dilatation_stiffness(elastic.dimension);
+        let pressure = 2.0 * a * self.of(point) * self.normaliser[point];
+        self.directions[point].map(|direction| pressure * direction)
     }
 
     /// Contribution of `sum_j w s` to the stress conjugate to the eigenstrain, Pa.

@@ -11,8 +11,8 @@ use crate::mechanical::fracture::{BondLoads, Fracture, NewBreaks};
 use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
 use crate::mechanical::stretch::{
-    BondForce, Breaking, Dilation, Energy, Force, INPUTS, LINEAR_STATES, Load, PLASTIC_INPUTS,
-    Plastic, Stiffness, Tangent,
+    BondForce, Breaking, Dilation, Energy, Force, INPUTS, Load, STRAIN_INPUTS, Stiffness, Tangent,
+    WithStrain,
 };
 
 /// Which forces are summed.
@@ -36,7 +36,9 @@ impl<L: BondForce> Ordinary<L> {
         };
         let broken = self.base.fracture.as_ref().map(Fracture::broken);
         dilatation.sum(strain, finite, &self.inputs, broken);
-        dilatation.sum_directions(&self.base.continuation, &self.inputs, broken);
+        if self.base.continuation.is_bent() {
+            dilatation.sum_directions(&self.inputs, broken);
+        }
         let law = PressureLaw {
             elastic: &self.base.elastic,
             plasticity: self.base.plasticity.as_ref(),
@@ -60,8 +62,14 @@ impl<L: BondForce> Ordinary<L> {
             StrainKind::Change => state.change[i],
             StrainKind::Elastic | StrainKind::Total => state.states.tried()[i].strain,
         };
-        self.inputs
-            .load_inelastic(&self.base.continuation, strain_of);
+        let elastic = &self.base.elastic;
+        let tensor = |i: usize| elastic.in_plane_tensor(i, 0.0);
+        let has_tensor = strain != StrainKind::Change && self.inputs.has_tensor();
+        self.inputs.load_inelastic(
+            &self.base.continuation,
+            strain_of,
+            has_tensor.then_some(tensor),
+        );
     }
 
     /// Evaluates the displacement gradients of a body that flows.
@@ -76,15 +84,12 @@ impl<L: BondForce> Ordinary<L> {
 
     /// Sums forces and, if bonds break, the excess of bonds over their limit.
     pub(super) fn sum_forces_and_excess(&mut self, out: &mut [f64]) {
-        match (
-            &self.base.fracture,
-            self.base.plasticity.is_some(),
-            self.base.dimension,
-        ) {
+        let has_strain = self.inputs.has_strain();
+        match (&self.base.fracture, has_strain, self.base.dimension) {
             (None, ..) => self.sum_forces(Sum::Force, out),
             (Some(_), true, _) => {
                 self.sum_forces(Sum::Force, out);
-                self.sum_plastic_excess();
+                self.sum_excess_with_strain();
             }
             (Some(_), false, 2) => self.sum_breaking::<2>(out),
             (Some(_), false, _) => self.sum_breaking::<3>(out),
@@ -93,9 +98,9 @@ impl<L: BondForce> Ordinary<L> {
         let Some(fracture) = &mut self.base.fracture else {
             return;
         };
-        match self.base.plasticity.is_some() {
+        match has_strain {
             true => {
-                let ratio = plastic_ratio(load, &self.inputs);
+                let ratio = ratio_with_strain(load, &self.inputs);
                 fracture.add_excess_of_crossings(&self.base.family, ratio);
             }
             false => {
@@ -116,9 +121,9 @@ impl<L: BondForce> Ordinary<L> {
         let finite = self.base.elastic.finite;
         match sum {
             Sum::Change => {
-                self.sum_plastic_kernel::<D>(
-                    Force::<false, _>(LINEAR_STATES),
-                    Inputs::plastic_change,
+                self.sum_kernel_with_strain::<D>(
+                    Force::<false, _>(L::OF_LINEAR),
+                    Inputs::with_change,
                     out,
                 );
                 out.par_iter_mut().for_each(|f| *f = -*f);
@@ -127,8 +132,8 @@ impl<L: BondForce> Ordinary<L> {
             Sum::Tangent => {
                 self.sum_kernel_of::<_, D>(&Tangent(self.law), Inputs::tangent, out);
             }
-            Sum::Force if self.base.plasticity.is_some() => specialise!(FINITE = finite =>
-                self.sum_plastic_kernel::<D>(Force::<FINITE, _>(LINEAR_STATES), Inputs::plastic, out)),
+            Sum::Force if self.inputs.has_strain() => specialise!(FINITE = finite =>
+                self.sum_kernel_with_strain::<D>(Force::<FINITE, _>(L::OF_LINEAR), Inputs::with_strain, out)),
             Sum::Force => specialise!(FINITE = finite =>
                 self.sum_kernel::<D>(&Force::<FINITE, _>(self.law), out)),
         }
@@ -144,13 +149,13 @@ impl<L: BondForce> Ordinary<L> {
     }
 
     /// Sums a kernel of forces with inelastic strains, layers included.
-    fn sum_plastic_kernel<const D: usize>(
+    fn sum_kernel_with_strain<const D: usize>(
         &mut self,
         kernel: impl BondKernel<INPUTS, D>,
-        inputs: fn(&Inputs) -> [&[f64]; PLASTIC_INPUTS],
+        inputs: fn(&Inputs) -> [&[f64]; STRAIN_INPUTS],
         out: &mut [f64],
     ) {
-        self.sum_kernel_of::<PLASTIC_INPUTS, D>(&Plastic(kernel), inputs, out);
+        self.sum_kernel_of::<STRAIN_INPUTS, D>(&WithStrain(kernel), inputs, out);
     }
 
     /// Sums a kernel of forces with further inputs, layers included.
@@ -187,15 +192,15 @@ impl<L: BondForce> Ordinary<L> {
         });
     }
 
-    /// The excess of the bonds of a plastic body.
-    fn sum_plastic_excess(&mut self) {
+    /// The excess of the bonds of a body with strains that differ by direction.
+    fn sum_excess_with_strain(&mut self) {
         let kernel = self.load_kernel();
         let Some(fracture) = &mut self.base.fracture else {
             return;
         };
         let broken = Some(&fracture.state.broken);
         self.inputs
-            .sum_plastic(kernel, broken, &mut self.base.energy);
+            .sum_with_strain(kernel, broken, &mut self.base.energy);
         let excess = fracture.excess.iter_mut().zip(&self.base.energy);
         excess.for_each(|(excess, [_, load])| *excess = *load);
     }
@@ -229,8 +234,8 @@ impl<L: BondForce> Ordinary<L> {
                 Dilation::<FINITE>.bond(bond, own, other));
             stress + dilatation.conjugate_stress(elastic, point, dilation)
         };
-        if self.base.plasticity.is_some() {
-            let ratio = plastic_ratio(load, &self.inputs);
+        if self.inputs.has_strain() {
+            let ratio = ratio_with_strain(load, &self.inputs);
             let loads = BondLoads { ratio, conjugate };
             return fracture.break_bonds(family, fraction, damage, loads);
         }
@@ -251,12 +256,12 @@ fn elastic_ratio<L: BondForce>(
     }
 }
 
-/// Load of a bond over the mean limit of its ends, with a plastic strain.
-fn plastic_ratio<L: BondForce>(
+/// Load of a bond over the mean limit of its ends, with strains that differ by direction.
+fn ratio_with_strain<L: BondForce>(
     load: Load<L>,
     inputs: &Inputs,
 ) -> impl Fn(&Bond, usize, usize) -> f64 + Sync {
-    let (kernel, inputs) = (Plastic(load), inputs.plastic());
+    let (kernel, inputs) = (WithStrain(load), inputs.with_strain());
     move |bond: &Bond, own: usize, other: usize| {
         let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
         kernel.bond(bond, own, other)[0]

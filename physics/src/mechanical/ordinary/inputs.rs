@@ -6,10 +6,10 @@ use perimelt_core::family::{ByImage, Continuation, Mirrored, PointValues};
 use perimelt_core::{BondKernel, BrokenBonds, Family, Image, SlotField};
 use rayon::prelude::*;
 
-use crate::mechanical::classical::{diagonal, image_of};
+use crate::mechanical::classical::{diagonal, eigenstrain_of_image, image_of};
 use crate::mechanical::stretch::{
-    CRITICAL, EIGENSTRAIN, INPUTS, PLASTIC_INPUTS, PRESSURE, Plastic, STIFFNESS, TANGENT_INPUTS,
-    Uniform,
+    CRITICAL, EIGENSTRAIN, INPUTS, PRESSURE, STIFFNESS, STRAIN_INPUTS, TANGENT_INPUTS, Uniform,
+    WithStrain,
 };
 
 /// What the kernels of a body need besides displacement, eigenstrain and stiffness.
@@ -31,7 +31,9 @@ pub(super) struct Inputs {
     family: Arc<Family>,
     has_pressure: bool,
     pub(super) slots: [SlotField; INPUTS],
-    /// Components of the inelastic strain; empty without plasticity.
+    /// Components of the eigenstrain that differs by direction, in the plane of a plane body; empty if there is none.
+    tensor: [SlotField; 6],
+    /// Components of the inelastic strain and that eigenstrain; empty without plasticity.
     inelastic: [SlotField; 6],
     /// The displacement about which forces are linearised; empty where they are linear.
     about: [SlotField; 3],
@@ -57,6 +59,7 @@ impl Inputs {
         Inputs {
             has_pressure: needs.pressure,
             slots: std::array::from_fn(|i| field(needed(i))),
+            tensor: Default::default(),
             inelastic: std::array::from_fn(|_| field(needs.inelastic)),
             about: std::array::from_fn(|axis| field(needs.tangent && axis < dimension)),
             zeros,
@@ -70,20 +73,60 @@ impl Inputs {
         self.slots[input].load(&self.family, values, Mirrored::Scalar);
     }
 
-    /// Takes the inelastic strain of each point; layers continue it as they do the strain.
-    pub(super) fn load_inelastic(
+    /// Takes the eigenstrain that differs by direction; layers continue it by the factors of the displacement.
+    pub(super) fn load_tensor(
         &mut self,
         continuation: &Continuation,
         strain: impl Fn(usize) -> [f64; 6] + Sync,
     ) {
         let strain = &strain;
-        let of_image = |image: &Image| {
-            let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
-            image_of(&scale, &strain(image.point), &mirror)
-        };
+        let of_image = |image: &Image| eigenstrain_of_image(image.scale, &strain(image.point));
         let component = |c: usize| move |point: usize| strain(point)[c];
         let ghosts = ByImage(continuation, of_image);
+        SlotField::load_all(&mut self.tensor, &self.family, component, ghosts);
+    }
+
+    /// Takes the inelastic strain of each point, to which an eigenstrain that differs by direction is added. Layers continue the
+    /// one as they do the strain, the other by the factors of the displacement.
+    pub(super) fn load_inelastic(
+        &mut self,
+        continuation: &Continuation,
+        strain: impl Fn(usize) -> [f64; 6] + Sync,
+        eigenstrain: Option<impl Fn(usize) -> [f64; 6] + Sync>,
+    ) {
+        let (strain, eigenstrain) = (&strain, &eigenstrain);
+        let sum = |first: [f64; 6], second: [f64; 6]| -> [f64; 6] {
+            std::array::from_fn(|c| first[c] + second[c])
+        };
+        let of_image = |image: &Image| {
+            let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
+            let inelastic = image_of(&scale, &strain(image.point), &mirror);
+            match eigenstrain {
+                None => inelastic,
+                Some(own) => {
+                    let own = eigenstrain_of_image(image.scale, &own(image.point));
+                    sum(inelastic, own)
+                }
+            }
+        };
+        let component = |c: usize| {
+            move |point: usize| {
+                let own = eigenstrain.as_ref().map_or(0.0, |own| own(point)[c]);
+                strain(point)[c] + own
+            }
+        };
+        let ghosts = ByImage(continuation, of_image);
         SlotField::load_all(&mut self.inelastic, &self.family, component, ghosts);
+    }
+
+    /// Whether there is an eigenstrain that differs by direction.
+    pub(super) fn has_tensor(&self) -> bool {
+        !self.tensor[0].is_empty()
+    }
+
+    /// Whether there is a strain that differs by direction: such an eigenstrain, or an inelastic strain.
+    pub(super) fn has_strain(&self) -> bool {
+        self.has_tensor() || !self.inelastic[0].is_empty()
     }
 
     /// Whether there is no eigenstrain.
@@ -109,11 +152,19 @@ impl Inputs {
         std::array::from_fn(|i| self.get(i))
     }
 
-    /// The inputs of [`Plastic`] kernels.
-    pub(super) fn plastic(&self) -> [&[f64]; PLASTIC_INPUTS] {
+    /// The inputs of [`WithStrain`] kernels with these strains.
+    fn with<'a>(&'a self, strain: &'a [SlotField; 6]) -> [&'a [f64]; STRAIN_INPUTS] {
         std::array::from_fn(|i| match i.checked_sub(INPUTS) {
-            Some(component) => &self.inelastic[component][..],
+            Some(component) => &strain[component][..],
             None => self.get(i),
+        })
+    }
+
+    /// The inputs of [`WithStrain`] kernels, with all strains that differ by direction.
+    pub(super) fn with_strain(&self) -> [&[f64]; STRAIN_INPUTS] {
+        self.with(match self.inelastic[0].is_empty() {
+            true => &self.tensor,
+            false => &self.inelastic,
         })
     }
 
@@ -184,20 +235,31 @@ impl Inputs {
         }
     }
 
-    /// Sums a kernel with the inelastic strain.
-    pub(super) fn sum_plastic<const O: usize>(
+    /// Sums a kernel with all strains that differ by direction.
+    pub(super) fn sum_with_strain<const O: usize>(
         &self,
         kernel: impl BondKernel<INPUTS, O>,
         broken: Option<&BrokenBonds>,
         sums: &mut [[f64; O]],
     ) {
-        let (kernel, inputs) = (Plastic(kernel), self.plastic());
+        let (kernel, inputs) = (WithStrain(kernel), self.with_strain());
         self.family.sum_unbroken(&kernel, inputs, broken, sums);
     }
 
-    /// The inputs of [`Plastic`] kernels for changes of the displacement, without the eigenstrain.
-    pub(super) fn plastic_change(&self) -> [&[f64]; PLASTIC_INPUTS] {
-        let mut inputs = self.plastic();
+    /// Sums a kernel with the eigenstrain that differs by direction.
+    pub(super) fn sum_with_tensor<const O: usize>(
+        &self,
+        kernel: impl BondKernel<INPUTS, O>,
+        broken: Option<&BrokenBonds>,
+        sums: &mut [[f64; O]],
+    ) {
+        let (kernel, inputs) = (WithStrain(kernel), self.with(&self.tensor));
+        self.family.sum_unbroken(&kernel, inputs, broken, sums);
+    }
+
+    /// The inputs of [`WithStrain`] kernels for changes of the displacement, without the eigenstrain.
+    pub(super) fn with_change(&self) -> [&[f64]; STRAIN_INPUTS] {
+        let mut inputs = self.with_strain();
         inputs[EIGENSTRAIN] = &self.zeros;
         inputs
     }

@@ -16,12 +16,12 @@ use super::fracture::{BondEnergy, Fracture, FractureState, NewBreaks};
 use super::gradient::{FlatFamily, Gradient};
 use super::solid::{
     Constitution, EnergyKind, Evaluated, PointModuli, PointStates, Solid, Stiffness, StrainKind,
-    StressKind, Wanted,
+    StressFreeStrain, StressKind, Wanted,
 };
 use super::specialise::specialise;
 use super::stretch::{
-    Block, BondForce, BondLaw, CRITICAL, EIGENSTRAIN, ElasticEnergy, Energy, Force, INPUTS,
-    LINEAR_STATES, Plastic, STIFFNESS, Stress, WeightOverLength, find_overstretched,
+    Block, BondForce, BondLaw, CRITICAL, ConjugateStress, EIGENSTRAIN, ElasticEnergy, Energy,
+    Force, INPUTS, STIFFNESS, Stress, WeightOverLength, WithStrain, find_overstretched,
     relative_displacement_beyond,
 };
 use dilatation::Dilatation;
@@ -41,6 +41,8 @@ pub struct Ordinary<L> {
     /// The displacement gradients from which plastic flow follows; `None` for an elastic solid.
     gradient: Option<Gradient>,
     inputs: Inputs,
+    /// Factors of the layers for which the eigenstrain that differs by direction was loaded; `None` where it has changed.
+    tensor_scales: Option<Vec<[f64; 3]>>,
 }
 
 impl<L: BondForce> Ordinary<L> {
@@ -81,6 +83,7 @@ impl<L: BondForce> Ordinary<L> {
             dilatation: L::HAS_PRESSURE.then(|| Dilatation::new(&base.family, body)),
             gradient,
             inputs: Inputs::new(base.family.clone(), body.dimension, needs),
+            tensor_scales: None,
             base,
         };
         this.load_stiffness();
@@ -148,11 +151,10 @@ impl<L: BondForce> Ordinary<L> {
             finite: self.base.elastic.finite,
             symmetric: self.horizons_differ,
         };
-        match self.base.plasticity {
-            Some(_) => self
-                .inputs
-                .sum_plastic(kernel, broken, &mut self.base.tensors),
-            None => self.inputs.sum(&kernel, broken, &mut self.base.tensors),
+        let sums = &mut self.base.tensors;
+        match self.inputs.has_strain() {
+            true => self.inputs.sum_with_strain(kernel, broken, sums),
+            false => self.inputs.sum(&kernel, broken, sums),
         }
     }
 }
@@ -180,6 +182,36 @@ impl<L: BondForce> Ordinary<L> {
         }
     }
 
+    fn set_stress_free(&mut self, stress_free: StressFreeStrain<'_>) {
+        let changed = self.base.elastic.set_stress_free(stress_free);
+        // in plane strain the strain in the plane depends on the moduli
+        if !changed && !self.base.elastic.is_plane_strain() {
+            return;
+        }
+        self.tensor_scales = None;
+        if let Some(gradient) = &mut self.gradient {
+            gradient.forget_strains();
+        }
+    }
+
+    /// Loads the eigenstrain that differs by direction where it or the factors of the layers changed.
+    fn load_tensor(&mut self, rules: &[LayerRule]) {
+        let scales = || rules.iter().map(|rule| rule.scale);
+        let known = self.tensor_scales.as_ref();
+        let is_current = known.is_some_and(|known| known.iter().copied().eq(scales()));
+        if is_current || self.base.elastic.prescribed.is_empty() {
+            return;
+        }
+        let SolidBase {
+            elastic,
+            continuation,
+            ..
+        } = &self.base;
+        let strain = |i: usize| elastic.in_plane_tensor(i, 0.0);
+        self.inputs.load_tensor(continuation, strain);
+        self.tensor_scales = Some(scales().collect());
+    }
+
     /// Evaluates the forces, and with them the trial state of the flow and the loads of bonds.
     fn evaluate_force(&mut self, out: &mut [f64]) {
         self.load_gradient();
@@ -204,9 +236,35 @@ impl<L: BondForce> Ordinary<L> {
         if elastic.is_plane_strain() {
             for (i, tensor) in tensors.iter_mut().enumerate() {
                 let tried = plasticity.as_ref().map(|p| &p.states.tried()[i].strain);
-                let across = tried.map_or(0.0, |strain| strain[2]);
+                let prescribed = elastic.prescribed.get(i).map_or(0.0, |strain| strain[2]);
+                let across = tried.map_or(0.0, |strain| strain[2]) + prescribed;
                 let (moduli, eigenstrain) = (elastic.moduli(i), elastic.eigenstrain[i]);
                 tensor[2] = moduli.stress_across(tensor, eigenstrain, across);
+            }
+        }
+    }
+
+    fn evaluate_conjugate_stress(&mut self) {
+        let SolidBase {
+            elastic,
+            fracture,
+            tensors,
+            ..
+        } = &mut self.base;
+        let broken = fracture.as_ref().map(Fracture::broken);
+        let (finite, law, inputs) = (elastic.finite, self.law, &self.inputs);
+        inputs.sum::<INPUTS, 6>(&ConjugateStress { law, finite }, broken, tensors);
+        if let Some(dilatation) = &mut self.dilatation {
+            dilatation.sum(StrainKind::Total, finite, inputs, broken);
+            dilatation.sum_directions(inputs, broken);
+            for (i, tensor) in tensors.iter_mut().enumerate() {
+                let of_pressure = dilatation.conjugate_stress_tensor(elastic, i);
+                (0..6).for_each(|c| tensor[c] += of_pressure[c]);
+            }
+        }
+        if elastic.is_plane_strain() {
+            for (i, tensor) in tensors.iter_mut().enumerate() {
+                tensor[2] = elastic.moduli(i).stress_across(tensor, 0.0, 0.0);
             }
         }
     }
@@ -246,10 +304,10 @@ impl<L: BondForce> Ordinary<L> {
         } = &mut self.base;
         let broken = fracture.as_ref().map(Fracture::broken);
         let (finite, law, inputs) = (elastic.finite, self.law, &self.inputs);
-        match plasticity {
-            Some(_) => specialise!(FINITE = finite =>
-                inputs.sum_plastic(ElasticEnergy::<FINITE, L>(law), broken, energy)),
-            None => specialise!(FINITE = finite =>
+        match inputs.has_strain() {
+            true => specialise!(FINITE = finite =>
+                inputs.sum_with_strain(ElasticEnergy::<FINITE, L>(law), broken, energy)),
+            false => specialise!(FINITE = finite =>
                 inputs.sum::<INPUTS, 2>(&ElasticEnergy::<FINITE, L>(law), broken, energy)),
         }
         if let Some(dilatation) = &mut self.dilatation {
@@ -278,8 +336,8 @@ impl<L: BondForce> Solid for Ordinary<L> {
             present,
         } = states;
         assert!(
-            stress_free.is_none() && present.is_none(),
-            "set-up refuses births and inherent strains of bonds along themselves"
+            present.is_none(),
+            "set-up refuses births of bonds along themselves"
         );
         if let Some(moduli) = moduli {
             self.set_moduli(moduli);
@@ -287,11 +345,15 @@ impl<L: BondForce> Solid for Ordinary<L> {
         if let Some(eigenstrain) = eigenstrain {
             self.set_eigenstrain(eigenstrain);
         }
+        if let Some(stress_free) = stress_free {
+            self.set_stress_free(stress_free);
+        }
     }
 
     fn set_displacement(&mut self, values: &[f64], rules: &[LayerRule]) {
         let vector = &mut self.inputs.slots[..self.base.dimension];
         self.base.continue_displacement(values, rules, vector);
+        self.load_tensor(rules);
     }
 
     fn find_overstretched(&mut self, limit: f64) -> Option<usize> {
@@ -318,6 +380,7 @@ impl<L: BondForce> Solid for Ordinary<L> {
                 self.load_gradient();
                 self.base.evaluate_tried_stress(self.gradient.as_ref());
             }
+            Some(StressKind::Conjugate) => self.evaluate_conjugate_stress(),
             None => {}
         }
         match energy {
@@ -413,10 +476,10 @@ impl<L: BondForce> Solid for Ordinary<L> {
         self.load_pressure(StrainKind::Elastic, self.base.elastic.finite);
         let (family, inputs, broken) = (&self.base.family, &self.inputs, self.base.broken());
         let finite = self.base.elastic.finite;
-        if self.base.plasticity.is_some() {
-            let inputs = inputs.plastic();
+        if inputs.has_strain() {
+            let inputs = inputs.with_strain();
             specialise!(FINITE = finite =>
-                family.sum_across(&Plastic(Force::<FINITE, _>(LINEAR_STATES)), inputs, broken, plane, receive));
+                family.sum_across(&WithStrain(Force::<FINITE, _>(L::OF_LINEAR)), inputs, broken, plane, receive));
         } else {
             let inputs = inputs.first::<INPUTS>();
             specialise!(FINITE = finite =>

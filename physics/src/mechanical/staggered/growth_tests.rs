@@ -51,7 +51,7 @@ impl Coupler for Growth {
         self.state = Some(Fields {
             active: setup.change_material(0, Change::Births, &order)?,
             eigenstrain: setup.add(0, &keys::EIGENSTRAIN)?,
-            inherent: setup.add(0, &keys::INHERENT_STRAIN)?,
+            inherent: setup.add(0, &keys::EIGENSTRAIN_TENSOR)?,
             temperature: setup.write(0, &keys::TEMPERATURE)?,
             order,
         });

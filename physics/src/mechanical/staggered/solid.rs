@@ -9,9 +9,7 @@ use super::super::base::SolidBase;
 use super::super::classical::{COMPONENTS, Point};
 use super::super::fracture::{FractureState, NewBreaks};
 use super::super::moduli::Moduli;
-use super::super::solid::{
-    Evaluated, PointStates, Solid, Stiffness, StressFreeStrain, StressKind, Wanted,
-};
+use super::super::solid::{Evaluated, PointStates, Solid, Stiffness, StressKind, Wanted};
 use super::corners::sign;
 use super::kernels::{Amplitudes, CellState, Elastic, mode_at, modes};
 use super::{CHUNK, Staggered};
@@ -43,10 +41,8 @@ impl<const D: usize> Solid for Staggered<D> {
         if let Some(eigenstrain) = eigenstrain {
             self.is_mode_load_current &= !self.base.elastic.set_eigenstrain(eigenstrain);
         }
-        if let Some(StressFreeStrain { strain, .. }) = stress_free {
-            let own = &mut self.base.elastic.stress_free;
-            own.clear();
-            own.extend_from_slice(strain);
+        if let Some(stress_free) = stress_free {
+            self.base.elastic.set_stress_free(stress_free);
         }
     }
 
@@ -86,6 +82,7 @@ impl<const D: usize> Solid for Staggered<D> {
         match stress {
             Some(StressKind::Spatial) => self.evaluate_stress(),
             Some(StressKind::Material) => self.base.evaluate_tried_stress(Some(&self.gradient)),
+            Some(StressKind::Conjugate) => self.base.evaluate_conjugate_stress(&self.gradient),
             None => {}
         }
         if let Some(kind) = energy {

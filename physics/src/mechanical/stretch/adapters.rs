@@ -7,12 +7,12 @@ use super::{EIGENSTRAIN, INPUTS};
 /// A kernel of which all inputs but the first are the same for all points.
 pub struct Uniform<'a, K>(pub &'a K, pub [f64; INPUTS]);
 
-/// A kernel with an inelastic strain besides the eigenstrain: inputs from [`INPUTS`] on are its components xx, yy,
-/// zz, xy, yz, zx.
-pub struct Plastic<K>(pub K);
+/// A kernel with a strain that differs by direction besides the eigenstrain, such as an inelastic one: inputs from [`INPUTS`] on
+/// are its components xx, yy, zz, xy, yz, zx. A bond has its part `n . E n` along the undeformed bond.
+pub struct WithStrain<K>(pub K);
 
-/// Inputs of [`Plastic`] kernels.
-pub const PLASTIC_INPUTS: usize = INPUTS + 6;
+/// Inputs of [`WithStrain`] kernels.
+pub const STRAIN_INPUTS: usize = INPUTS + 6;
 
 impl<K, const I: usize, const O: usize> BondKernel<I, O> for Uniform<'_, K>
 where
@@ -44,7 +44,7 @@ impl<K> Uniform<'_, K> {
     }
 }
 
-impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<PLASTIC_INPUTS, O> for Plastic<K> {
+impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<STRAIN_INPUTS, O> for WithStrain<K> {
     const RARE: bool = K::RARE;
     const PAIRED: usize = K::PAIRED;
 
@@ -52,8 +52,8 @@ impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<PLASTIC_INPUTS, O> for
     fn bond(
         &self,
         bond: &Bond,
-        own: [f64; PLASTIC_INPUTS],
-        other: [f64; PLASTIC_INPUTS],
+        own: [f64; STRAIN_INPUTS],
+        other: [f64; STRAIN_INPUTS],
     ) -> [f64; O] {
         let [own, other] = strained(bond, [own, other]);
         self.0.bond(bond, own, other)
@@ -63,8 +63,8 @@ impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<PLASTIC_INPUTS, O> for
     fn ends(
         &self,
         bond: &Bond,
-        own: [f64; PLASTIC_INPUTS],
-        other: [f64; PLASTIC_INPUTS],
+        own: [f64; STRAIN_INPUTS],
+        other: [f64; STRAIN_INPUTS],
     ) -> [[f64; O]; 2] {
         let [own, other] = strained(bond, [own, other]);
         self.0.ends(bond, own, other)
@@ -74,8 +74,8 @@ impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<PLASTIC_INPUTS, O> for
     fn add_ends(
         &self,
         bond: &Bond,
-        own: [f64; PLASTIC_INPUTS],
-        other: [f64; PLASTIC_INPUTS],
+        own: [f64; STRAIN_INPUTS],
+        other: [f64; STRAIN_INPUTS],
         sums: [&mut [f64; O]; 2],
     ) {
         let [own, other] = strained(bond, [own, other]);
@@ -83,9 +83,9 @@ impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<PLASTIC_INPUTS, O> for
     }
 }
 
-/// Inputs of both ends, with their inelastic strain along the bond added to the eigenstrain.
+/// Inputs of both ends, with their strain along the bond added to the eigenstrain.
 #[inline(always)]
-fn strained(bond: &Bond, ends: [[f64; PLASTIC_INPUTS]; 2]) -> [[f64; INPUTS]; 2] {
+fn strained(bond: &Bond, ends: [[f64; STRAIN_INPUTS]; 2]) -> [[f64; INPUTS]; 2] {
     let [x, y, z] = bond.xi.map(|xi| xi / bond.length);
     let along = [x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * z * x];
     ends.map(|inputs| {

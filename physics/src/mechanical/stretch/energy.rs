@@ -37,6 +37,27 @@ impl<const FINITE: bool, L: BondForce> BondKernel<INPUTS, 2> for Energy<FINITE, 
 /// bond-based solid with the means of c and w of both ends.
 pub struct ElasticEnergy<const FINITE: bool, L>(pub L);
 
+/// The stress of [`Energy`] as a tensor, `c/2 sum_j w |xi| f(s) n (x) n` with the undeformed directions n, as xx, yy, zz, xy, yz,
+/// zx.
+pub struct ConjugateStress<L> {
+    /// The forces of the bonds.
+    pub law: L,
+    /// Finite kinematics.
+    pub finite: bool,
+}
+
+impl<L: BondForce> BondKernel<INPUTS, 6> for ConjugateStress<L> {
+    const RARE: bool = true;
+
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 6] {
+        let ends = Ends::new(&own, &other);
+        let stretch = stretched_in(self.finite, bond, ends).stretch();
+        let stress = self.law.conjugate_stress(bond, stretch, ends);
+        dyad(stress, &bond.xi.map(|xi| xi / bond.length))
+    }
+}
+
 impl<const FINITE: bool, L: BondForce> BondKernel<INPUTS, 2> for ElasticEnergy<FINITE, L> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {

@@ -117,6 +117,10 @@ impl<L: BondLaw> BodyLaw<L> {
 pub trait BondForce: Copy + Debug + Send + Sync + 'static {
     /// The law of the bonds.
     type Law: BondLaw;
+    /// The forces of the same formulation with a linear law, for bodies that flow or whose eigenstrain differs by direction.
+    type OfLinear: BondForce;
+    /// See [`BondForce::OfLinear`].
+    const OF_LINEAR: Self::OfLinear;
     /// Whether the dilatation of points adds a pressure.
     const HAS_PRESSURE: bool;
 
@@ -174,12 +178,12 @@ pub struct Pairs<L>(pub BodyLaw<L>);
 #[derive(Clone, Copy, Debug)]
 pub struct States<L>(pub BodyLaw<L>);
 
-/// The force states of bodies that flow, whose elasticity is linear.
-pub(in crate::mechanical) const LINEAR_STATES: States<Linear> =
-    States(BodyLaw::new(Linear {}, [0.0; 4]));
+const LINEAR: BodyLaw<Linear> = BodyLaw::new(Linear {}, [0.0; 4]);
 
 impl<L: BondLaw> BondForce for Pairs<L> {
     type Law = L;
+    type OfLinear = Pairs<Linear>;
+    const OF_LINEAR: Pairs<Linear> = Pairs(LINEAR);
     const HAS_PRESSURE: bool = false;
 
     #[inline(always)]
@@ -206,6 +210,8 @@ impl<L: BondLaw> BondForce for Pairs<L> {
 
 impl<L: BondLaw> BondForce for States<L> {
     type Law = L;
+    type OfLinear = States<Linear>;
+    const OF_LINEAR: States<Linear> = States(LINEAR);
     const HAS_PRESSURE: bool = true;
 
     #[inline(always)]

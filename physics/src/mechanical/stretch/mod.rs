@@ -27,11 +27,10 @@ mod sums;
 
 use perimelt_core::Bond;
 
-pub use adapters::{PLASTIC_INPUTS, Plastic, Uniform};
+pub use adapters::{STRAIN_INPUTS, Uniform, WithStrain};
 pub use breaking::{Breaking, EXCESS_INPUTS, Excess, Load};
-pub use energy::{ElasticEnergy, Energy, Stress};
+pub use energy::{ConjugateStress, ElasticEnergy, Energy, Stress};
 pub use force::{Block, Force, Stiffness, TANGENT_INPUTS, Tangent};
-pub(super) use law::LINEAR_STATES;
 pub use law::{BodyLaw, BondConstants, BondForce, BondLaw, Linear, Pairs, States};
 pub use sums::{
     Dilation, Directions, ElasticDilation, ElasticExpansion, Expansion, TotalWeight,

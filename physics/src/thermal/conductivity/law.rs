@@ -6,45 +6,13 @@
 
 use std::fmt::Debug;
 
-use nalgebra::Vector3;
 use perimelt_core::SetupError;
 use perimelt_core::law::{Constant, LawFacts, LawKind, LawRegistration};
-use perimelt_core::material::Property;
+use perimelt_core::material::{Directional, Property};
 use perimelt_core::plugin::by_name;
 use serde::Serialize;
 
-/// Conductivity of a material, W/(m K).
-#[derive(Clone, Debug)]
-pub enum Conductivity {
-    /// Equal in all directions.
-    Isotropic(Property),
-    /// Along principal axes.
-    Principal(Principal),
-}
-
-impl Conductivity {
-    /// In all directions, or along the first axis.
-    pub(in crate::thermal) fn first(self) -> Property {
-        match self {
-            Conductivity::Isotropic(conductivity) => conductivity,
-            Conductivity::Principal(Principal { conductivity, .. }) => {
-                let [first, ..] = conductivity;
-                first
-            }
-        }
-    }
-}
-
-/// Conductivities along principal axes, unit vectors at right angles; of a plane body the first two lie in its plane.
-#[derive(Clone, Debug)]
-pub struct Principal {
-    /// By axis, W/(m K).
-    pub conductivity: [Property; 3],
-    /// Unit vectors.
-    pub axes: [Vector3<f64>; 3],
-}
-
-/// A law of conductivity.
+/// A law of the conductivity of materials, W/(m K). Axes of the material are turned by the field `orientation` of the body.
 pub trait ConductivityLaw: Clone + Debug + Send + Sync + Serialize + 'static {
     /// Properties of materials that the law needs.
     const CONSTANTS: &'static [Constant];
@@ -57,7 +25,7 @@ pub trait ConductivityLaw: Clone + Debug + Send + Sync + Serialize + 'static {
     }
 
     /// The conductivity of a material with these properties, in the order of their declaration.
-    fn conductivity(&self, properties: &[Property]) -> Conductivity;
+    fn conductivity(&self, properties: &[Directional<Property>]) -> Directional<Property>;
 }
 
 /// A law of conductivity, whose type is not known.
@@ -72,7 +40,7 @@ pub trait AnyConductivity: Debug + Send + Sync + erased_serde::Serialize {
     fn check(&self) -> Result<(), SetupError>;
 
     /// See [`ConductivityLaw::conductivity`].
-    fn conductivity(&self, properties: &[Property]) -> Conductivity;
+    fn conductivity(&self, properties: &[Directional<Property>]) -> Directional<Property>;
 
     /// A copy.
     fn copy(&self) -> Box<dyn AnyConductivity>;
@@ -95,7 +63,7 @@ impl<L: ConductivityLaw> AnyConductivity for L {
         ConductivityLaw::check(self)
     }
 
-    fn conductivity(&self, properties: &[Property]) -> Conductivity {
+    fn conductivity(&self, properties: &[Directional<Property>]) -> Directional<Property> {
         ConductivityLaw::conductivity(self, properties)
     }
 
@@ -126,7 +94,7 @@ pub const fn facts<L: ConductivityLaw>() -> LawFacts {
     }
 }
 
-/// Makes a [`ConductivityLaw`] known as `conductivity.<name>`: `register_conductivity_law!("isotropic", Isotropic)`. The law
+/// Makes a [`ConductivityLaw`] known as `conductivity.<name>`: `register_conductivity_law!("fourier", Fourier)`. The law
 /// implements `Serialize`, `Deserialize` (with `deny_unknown_fields`) and `JsonSchema`.
 #[macro_export]
 macro_rules! register_conductivity_law {

@@ -6,7 +6,7 @@ use super::*;
 use crate::testing::{block, read, run, set, simulation, values};
 use crate::thermal::Thermal;
 
-const PLY: &str = "conductivity_1 = 8.3075\nconductivity_2 = 0.7575\nconductivity_3 = 0.5";
+const PLY: &str = "conductivity = { axes = [8.3075, 0.7575, 0.5] }";
 
 fn law(keys: &str) -> Law<dyn AnyConductivity> {
     #[derive(serde::Deserialize)]
@@ -29,39 +29,36 @@ fn body(dimension: usize, material: &str) -> Body {
 fn laws_are_known_by_name() {
     let names = <dyn AnyConductivity>::registered();
     let names: Vec<_> = names.iter().map(|law| law.name).collect();
-    assert_eq!(names, ["isotropic", "orthotropic"]);
+    assert_eq!(names, ["fourier"]);
 }
 
 #[test]
 fn mistakes_name_law_material_and_key() {
-    for (keys, key, message) in [
-        ("isotropic = {}", "conductivity.isotropic", "`conductivity`"),
-        (
-            "orthotropic = { angle = inf }",
-            "conductivity.orthotropic.angle",
-            "a finite number",
-        ),
-    ] {
-        let error = conductivities(Some(law(keys)), &body(2, PLY)).expect_err(keys);
-        assert_eq!(error.key, key);
-        assert!(error.to_string().contains(message), "{error}");
-    }
+    let error = conductivities(Some(law("fourier = {}")), &body(2, "")).expect_err("no property");
+    assert_eq!(error.key, "conductivity.fourier");
+    assert!(error.to_string().contains("`conductivity`"), "{error}");
     assert!(conductivities(None, &body(2, "conductivity = 3")).is_ok());
+}
+
+/// A rotation by 30 degrees about z.
+fn turn() -> Vector3<f64> {
+    Vector3::new(0.0, 0.0, 30_f64.to_radians())
 }
 
 /// `K = k1 a a^T + k2 b b^T` at 30 degrees, with the temperature of each point.
 #[test]
-fn an_orthotropic_conductivity_turns_with_its_angle() {
-    let falling = "conductivity_2 = 0.7575\nconductivity_3 = 0.5\n\
-                   conductivity_1 = { temperature = [300, 400], value = [8.3075, 4.3075] }";
+fn a_conductivity_with_directions_turns_with_the_orientation() {
+    let falling = "conductivity = { along = { temperature = [300, 400], value = [8.3075, 4.3075] }, across = 0.7575 }";
     for (material, is_constant, temperature, [xx, xy, yy]) in [
         (PLY, true, 999.0, [6.42, 3.269_246, 2.645]),
         (falling, false, 300.0, [6.42, 3.269_246, 2.645]),
         (falling, false, 400.0, [3.42, 1.537_195, 1.645]),
     ] {
         let body = body(2, material);
-        let found = conductivities(Some(law("orthotropic = { angle = 30 }")), &body);
-        let mut directions = Directions::of(&found.expect("valid"), 2).expect("directions");
+        let found = conductivities(None, &body);
+        let found = found.expect("valid");
+        let mut directions = Directions::of(&found, &body).expect("directions");
+        directions.set_orientation(&vec![turn(); body.points.len()]);
         assert_eq!(directions.is_constant(), is_constant);
         assert_eq!(directions.largest(0), 8.3075);
         let mean = 0.5 * (xx + yy);
@@ -69,7 +66,7 @@ fn an_orthotropic_conductivity_turns_with_its_angle() {
         let specific_heat = Property::Constant(1.0);
         let curve = EnthalpyCurve::new(1.0, &specific_heat, None).expect("a curve");
         directions.evaluate(&[temperature], &[0], &[curve]);
-        let along = |axis: Vector3<f64>| directions.times(0, 0, axis);
+        let along = |axis: Vector3<f64>| directions.times(0, axis);
         let expected = [Vector3::new(xx, xy, 0.0), Vector3::new(xy, yy, 0.0)];
         for (found, expected) in [Vector3::x(), Vector3::y()].map(along).iter().zip(expected) {
             assert!((found - expected).norm() < 1e-6, "{found}");
@@ -78,12 +75,11 @@ fn an_orthotropic_conductivity_turns_with_its_angle() {
 }
 
 /// Heat that flows to the points of a body with this temperature, W/m³, where families and those of their members are complete.
-fn rates(dimension: usize, keys: &str, temperature: impl Fn([f64; 3]) -> f64) -> Vec<f64> {
+fn rates(dimension: usize, temperature: impl Fn([f64; 3]) -> f64) -> Vec<f64> {
     const TIME: f64 = 1e-3;
-    let thermal: Thermal = read(&format!("horizon = 2\nform = 'ordinary'\n{keys}"));
-    let material = format!("{PLY}\nconductivity = 0.7575");
+    let thermal: Thermal = read("horizon = 2\nform = 'ordinary'");
     let mut s = simulation(
-        body(dimension, &material),
+        body(dimension, PLY),
         vec![Box::new(thermal)],
         Vec::new(),
         TIME,
@@ -95,6 +91,7 @@ fn rates(dimension: usize, keys: &str, temperature: impl Fn([f64; 3]) -> f64) ->
         let x = Vector3::from(x) - middle;
         [500.0 + temperature(x.into())]
     });
+    set(&mut s, "orientation", |_| turn().into());
     let before = values(&s, "temperature");
     run(&mut s);
     let after = values(&s, "temperature");
@@ -118,8 +115,7 @@ fn quadratic_temperatures_conduct_with_the_tensor() {
             }
             let second = if a == b { 2.0 } else { 1.0 };
             let expected = second * tensor[(a, b)] * if a == b { 1.0 } else { 2.0 };
-            let keys = "conductivity.orthotropic = { angle = 30 }";
-            let found = rates(dimension, keys, |x| x[a] * x[b]);
+            let found = rates(dimension, |x| x[a] * x[b]);
             assert!(!found.is_empty());
             for rate in found {
                 assert!(
