@@ -14,6 +14,8 @@ use program::command;
 
 const WELD: &str = include_str!("cases/weld.toml");
 const WALL: &str = include_str!("cases/wall.toml");
+#[cfg(feature = "umat")]
+const LAWS: &str = include_str!("cases/laws.toml");
 
 /// Time and bytes of the last checkpoint.
 fn final_state(log: &Path) -> (f64, Vec<u8>) {
@@ -105,6 +107,45 @@ fn killed_runs_replay_and_resume_to_the_same_bits() {
         killed_midway >= kills / 4,
         "only {killed_midway} runs were killed while running"
     );
+}
+
+/// A body with a law of flow and one with a law of points, both with state variables.
+#[cfg(feature = "umat")]
+#[test]
+fn states_of_laws_are_resumed_bit_by_bit() {
+    let folder = tempfile::tempdir().expect("a folder for logs");
+    let folder = folder.path();
+    if perimelt_tests::compile_subroutines(folder).is_none() {
+        return;
+    }
+    std::fs::write(folder.join("laws.toml"), LAWS).expect("writable");
+    let (done, message) = told(folder, &["run", "laws.toml", "--quiet"]);
+    assert!(done, "{message}");
+    let expected = final_state(&folder.join("laws.mcap"));
+    let log = Log::open(folder.join("laws.mcap")).expect("the log opens");
+    let last = log.times("block").len() - 1;
+    let cloud = log.cloud("block", last).expect("a state");
+    let mut fields = cloud.fields.iter();
+    let strain = fields.find(|f| f.name == "umat.state_1").expect("logged");
+    assert!(strain.values.iter().any(|p| *p > 1e-4), "the block yields");
+
+    for checkpoints in [2, 5] {
+        let name = format!("part-{checkpoints}.mcap");
+        let part = folder.join(&name);
+        let arguments = ["run", "laws.toml", "--quiet", "--out", &name];
+        let mut run = command(folder, &arguments).spawn().expect("it starts");
+        let has_saved = || Log::open(&part).is_ok_and(|log| log.checkpoints().len() >= checkpoints);
+        while !has_saved() && run.try_wait().expect("it runs").is_none() {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        run.kill().expect("it can be killed");
+        run.wait().expect("it ends");
+        let at = final_state(&part).0;
+        assert!(at < expected.0, "killed at {at} s, after its end");
+        let (done, message) = told(folder, &["resume", &name, "--quiet"]);
+        assert!(done, "{message}");
+        assert!(final_state(&part) == expected, "resumed from {at} s");
+    }
 }
 
 /// Whether a command succeeded, and what it said where errors go.
