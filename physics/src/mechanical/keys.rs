@@ -31,7 +31,7 @@ pub struct Mechanical {
     #[serde(default)]
     pub plane: Plane,
     /// Stabilisation G of the zero-energy modes of `correspondence` and `staggered`; default 0.1, for `staggered` that with which a
-    /// plate of one cell has its bending stiffness, or 0.2 (3D) and 0.3 (2D) with `plasticity`.
+    /// plate of one cell has its bending stiffness, or 0.2 (3D) and 0.3 (2D) with plastic flow or a law of points.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0))]
     pub stabilisation: Option<f64>,
