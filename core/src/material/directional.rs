@@ -191,8 +191,8 @@ mod tests {
             ("{ alon = 1 }", "did you mean `along`?", "alon"),
             (
                 "{ along = { along = 1, across = 2 }, across = 1 }",
-                "`along` belongs to properties with directions",
-                "along",
+                "`across` belongs to properties with directions",
+                "across",
             ),
         ] {
             let error = read(input).expect_err(input);

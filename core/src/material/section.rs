@@ -201,8 +201,8 @@ mod tests {
             ("density = 'heavy'", "invalid type: string", "'heavy'"),
             (
                 "density = { along = 1, across = 2 }",
-                "`along` belongs to properties with directions",
-                "along",
+                "`across` belongs to properties with directions",
+                "across",
             ),
             // positive at all temperatures along all axes
             (

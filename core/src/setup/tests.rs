@@ -68,6 +68,7 @@ fn each_access_provides_reads_gives_consumes_or_writes() {
         (Add, [false, false, false, false, true]),
         (Give, [false, false, true, false, false]),
         (GiveSum, [false, false, true, false, false]),
+        (Given, [true, true, false, false, false]),
         (Read, [false, true, false, false, false]),
         (ReadIfProvided, [false, true, false, false, false]),
         (Layer, [false, false, false, false, true]),
@@ -82,6 +83,20 @@ fn each_access_provides_reads_gives_consumes_or_writes() {
         ];
         assert_eq!(found, expected, "{access:?}");
     }
+}
+
+/// The case gives a field to any number of readers, or a plugin computes it.
+#[test]
+fn a_given_field_needs_no_plugin() {
+    let mut world = world();
+    let mut setup = Setup::new(&mut world, Path::new("."));
+    for key in [&X, &SINK, &X] {
+        setup.next_plugin("reader");
+        setup.given(0, key).expect("given");
+    }
+    setup.read(0, &X).expect("provided");
+    setup.write(0, &SINK).expect("no other writer");
+    assert_eq!(finished(setup), Ok(()));
 }
 
 #[test]
