@@ -263,6 +263,34 @@ fn tips_and_places_over_time_are_of_the_states_that_are_asked_for() {
 }
 
 #[test]
+fn alternation_is_a_quarter_of_the_second_difference_from_row_to_row() {
+    // a linear temperature does not alternate; the last row has a step of 40 K
+    let alternating = "300 + 1e4 * x + 10 * sin(3141.592653589793 * x)";
+    let step = "300 + 1e4 * x + 20 * signum(x - 0.007)";
+    let of = |norm: &str, expected: f64| {
+        let keys = format!("alternation = {{ field = 'temperature', norm = '{norm}' }}");
+        check(norm, &keys, expected)
+    };
+    let bar = |initial: &str, checks: &str| {
+        let initial = format!("initial.temperature = '{initial}'");
+        heated_bar(0.0, checks)
+            .replace("initial.temperature = 300", &initial)
+            .replace("conductivity = 1\n", "conductivity = 1e-12\n")
+    };
+    let both = |rms: f64, largest: f64| of("l2", rms) + &of("largest", largest);
+    let all = outcomes(&[
+        ("alternating", bar(alternating, &both(10.0, 10.0))),
+        // one of six rows of three
+        ("step", bar(step, &both(10.0 / 6.0_f64.sqrt(), 10.0))),
+    ]);
+    let checks: Vec<_> = all.iter().filter(|o| !is_audit(o)).collect();
+    assert_eq!(checks.len(), 4);
+    for outcome in checks {
+        assert!(outcome.passed, "{outcome:?}");
+    }
+}
+
+#[test]
 fn balances_are_audited_unless_the_case_checks_them() {
     let audits = |checks: &str| {
         let all = outcomes(&[("bar", heated_bar(8000.0, checks))]);
