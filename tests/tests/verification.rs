@@ -43,10 +43,12 @@ fn a_uniform_temperature_stays_uniform() {
             couplers.retain(|c| everything_else.contains(&c["type"].as_str().expect("a name")));
         }
         for (_, body) in table["bodies"].as_table_mut().expect("bodies by name") {
-            let initial = body
-                .get_mut("initial")
-                .and_then(|i| i.get_mut("temperature"));
-            if let Some(temperature) = initial.filter(|t| t.is_str()) {
+            let Some(initial) = body.get_mut("initial").and_then(|i| i.as_table_mut()) else {
+                continue;
+            };
+            // what is left may not use it
+            initial.remove("orientation");
+            if let Some(temperature) = initial.get_mut("temperature").filter(|t| t.is_str()) {
                 // a formula
                 *temperature = 1.0.into();
             }

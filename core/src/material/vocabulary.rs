@@ -18,7 +18,6 @@
 
 use std::fmt;
 
-use crate::plugin::{Named, by_name};
 use crate::register_property;
 
 /// One property that a material may have.
@@ -37,12 +36,6 @@ pub struct PropertyKey {
 }
 
 inventory::collect!(PropertyKey);
-
-impl Named for PropertyKey {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-}
 
 /// Values that a property may take.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,7 +76,9 @@ impl fmt::Display for ValueRange {
 
 /// All properties, by name.
 pub fn known_properties() -> Vec<&'static PropertyKey> {
-    by_name(|key| key)
+    let mut all: Vec<_> = inventory::iter::<PropertyKey>.into_iter().collect();
+    all.sort_by_key(|key| key.name);
+    all
 }
 
 /// The property called `name`.

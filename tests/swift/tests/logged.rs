@@ -61,7 +61,7 @@ fn laws_of_a_log_make_the_same_running_objects() {
         "flow.swift",
         "viscosity.power_law",
         "state.tait",
-        "conductivity.orthotropic",
+        "conductivity.fourier",
     ] {
         assert!(text.contains(&format!(".{law}]")), "{law}: {text}");
     }

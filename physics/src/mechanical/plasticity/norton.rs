@@ -42,7 +42,7 @@ impl FlowStressLaw for Norton {
         if creep > yield_stress(point, strain) {
             return slope;
         }
-        let relative = 1.0 / strain.increment + hardening / strain.end;
+        let relative = 1.0 / (strain.increment + NEGLIGIBLE) + hardening / strain.end;
         creep * relative / exponent
     }
 
@@ -56,6 +56,9 @@ impl FlowStressLaw for Norton {
     }
 }
 
+/// Increment of strain that changes no stress: metal that creeps by less is elastic, and has an elastic tangent.
+const NEGLIGIBLE: f64 = 1e-16;
+
 fn constants(point: &FlowPoint<'_>) -> [f64; 5] {
     [0, 1, 2, 3, 4].map(|i| point.constants[i])
 }
@@ -64,7 +67,7 @@ fn constants(point: &FlowPoint<'_>) -> [f64; 5] {
 #[inline(always)]
 fn creep_stress(point: &FlowPoint<'_>, strain: EquivalentStrain) -> f64 {
     let [coefficient, exponent, hardening, ..] = constants(point);
-    let rate = strain.increment / point.step;
+    let rate = (strain.increment + NEGLIGIBLE) / point.step;
     (rate * strain.end.powf(hardening) / coefficient).powf(1.0 / exponent)
 }
 
