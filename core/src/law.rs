@@ -17,7 +17,7 @@ use serde_json::json;
 use crate::body::Body;
 use crate::error::{Problem, SetupError};
 use crate::material::{Directional, Material, Property};
-use crate::plugin::Named;
+use crate::named::Named;
 use crate::solver::reduce::max_abs;
 
 /// A property of the material that a law needs.
@@ -182,7 +182,7 @@ pub trait LawKind: 'static {
     /// The key of the plugin that takes a law of this kind.
     const KEY: &'static str;
 
-    /// All laws of this kind, by name ([`by_name`](crate::plugin::by_name)).
+    /// All laws of this kind, by name (`by_name`).
     fn registered() -> Vec<&'static LawRegistration<Self>>;
 }
 

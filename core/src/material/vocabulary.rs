@@ -18,6 +18,7 @@
 
 use std::fmt;
 
+use crate::named::{Named, by_name};
 use crate::register_property;
 
 /// One property that a material may have.
@@ -36,6 +37,12 @@ pub struct PropertyKey {
 }
 
 inventory::collect!(PropertyKey);
+
+impl Named for PropertyKey {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+}
 
 /// Values that a property may take.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,9 +83,7 @@ impl fmt::Display for ValueRange {
 
 /// All properties, by name.
 pub fn known_properties() -> Vec<&'static PropertyKey> {
-    let mut all: Vec<_> = inventory::iter::<PropertyKey>.into_iter().collect();
-    all.sort_by_key(|key| key.name);
-    all
+    by_name(|key| key)
 }
 
 /// The property called `name`.

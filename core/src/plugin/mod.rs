@@ -12,9 +12,10 @@
 mod balance;
 mod registry;
 
+pub use crate::named::{Named, by_name};
 pub use balance::{Balance, PhysicsReport, Report};
 pub(crate) use registry::supported;
-pub use registry::{FromToml, Named, Registration, by_name, registered};
+pub use registry::{FromToml, Registration, registered};
 
 use crate::error::{RunError, SetupError};
 use crate::setup::Setup;

@@ -3,6 +3,7 @@
 use schemars::Schema;
 
 use super::{Coupler, Physics};
+use crate::named::{Named, by_name};
 use crate::world::changes::Changes;
 
 /// Builds a plugin of one kind from its table in a case file, keeping exact error positions.
@@ -27,21 +28,6 @@ impl<P: ?Sized> Named for Registration<P> {
     fn name(&self) -> &'static str {
         self.name
     }
-}
-
-/// What is registered under a name.
-pub trait Named {
-    /// The name in case files.
-    fn name(&self) -> &'static str;
-}
-
-/// A part of all registrations of the type `R`, sorted by its name: the linker orders them differently in each build.
-pub fn by_name<R: inventory::Collect, T: Named>(
-    part: fn(&'static R) -> &'static T,
-) -> Vec<&'static T> {
-    let mut all: Vec<_> = inventory::iter::<R>.into_iter().map(part).collect();
-    all.sort_by_key(|registration| registration.name());
-    all
 }
 
 /// All registered plugins of one kind (`dyn Physics` or `dyn Coupler`), by name.
