@@ -17,7 +17,7 @@ use serde_json::json;
 use crate::body::Body;
 use crate::error::{Problem, SetupError};
 use crate::material::{Directional, Material, Property};
-use crate::named::Named;
+use crate::named::HasName;
 use crate::solver::reduce::max_abs;
 
 /// A property of the material that a law needs.
@@ -155,7 +155,7 @@ pub struct LawRegistration<P: ?Sized + 'static> {
     pub facts: LawFacts,
 }
 
-impl<P: ?Sized> Named for LawRegistration<P> {
+impl<P: ?Sized> HasName for LawRegistration<P> {
     fn name(&self) -> &'static str {
         self.name
     }
@@ -177,12 +177,32 @@ macro_rules! law_registration {
     };
 }
 
+/// Makes a trait object a kind of law, with the struct that registers laws of this kind and the key of the plugin that takes
+/// one: `law_kind!(pub FlowRegistration, dyn FlowSweep, "flow")`.
+#[macro_export]
+macro_rules! law_kind {
+    ($(#[$doc:meta])* $visibility:vis $registration:ident, $object:ty, $key:literal) => {
+        $(#[$doc])*
+        $visibility struct $registration(pub $crate::law::LawRegistration<$object>);
+
+        $crate::inventory::collect!($registration);
+
+        impl $crate::law::LawKind for $object {
+            const KEY: &'static str = $key;
+
+            fn registered() -> Vec<&'static $crate::law::LawRegistration<Self>> {
+                $crate::named::by_name(|registration: &'static $registration| &registration.0)
+            }
+        }
+    };
+}
+
 /// A kind of law, such as that of plastic flow: the type of its objects.
 pub trait LawKind: 'static {
     /// The key of the plugin that takes a law of this kind.
     const KEY: &'static str;
 
-    /// All laws of this kind, by name (`by_name`).
+    /// All laws of this kind, by name ([`by_name`](crate::named::by_name)).
     fn registered() -> Vec<&'static LawRegistration<Self>>;
 }
 

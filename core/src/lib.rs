@@ -30,7 +30,7 @@ pub mod input;
 pub mod law;
 pub mod log;
 pub mod material;
-mod named;
+pub mod named;
 mod neighbours;
 pub mod numbers;
 pub mod orientation;

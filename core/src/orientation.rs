@@ -27,7 +27,7 @@ pub struct PointAxes {
 }
 
 impl PointAxes {
-    /// Those of space.
+    /// The axes of space at all points.
     pub fn new(points: usize) -> Self {
         PointAxes {
             orientation: vec![Vector3::zeros(); points],

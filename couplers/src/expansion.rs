@@ -5,9 +5,7 @@
 //! eigenstrain_tensor += sum_k (e_k - e) a_k (x) a_k     where a material expands differently along its axes a_k; e is the mean
 //! ```
 //!
-//! The axes of the material are those of space, turned by the field `orientation`.
-//!
-//! with the elongation e of the material, given by mean coefficients, instantaneous coefficients or a table of e
+//! with the axes of space turned by the field `orientation`, the elongation e of the material, given by mean coefficients, instantaneous coefficients or a table of e
 //! ([`Expansion`]), and the stress-free temperature T_ref. Mean (secant) coefficients alpha count from a temperature T_0
 //! of their own, `expansion_reference` of the material: e(T) = alpha(T) (T - T_0); where the material does not give it, T_0 =
 //! T_ref. A bond of a bond-based solid has the mean of the strains of its ends, alpha (theta + theta')/2 (Wang (2025),
@@ -223,26 +221,25 @@ impl RunningCoupler for RunningThermalExpansion {
             let (free_of_stress, present) = states(point);
             expansion(point).along(axis).strain(free_of_stress, present)
         };
-        let mean = |point: usize| match expansion(point) {
-            Directional::Same(_) => along(point, 0),
-            Directional::Axes(_) => {
-                [0, 1, 2].map(|axis| along(point, axis)).iter().sum::<f64>() / 3.0
-            }
-        };
-        let Sink { mean: sink, rest } = &mut self.sink;
-        let mut eigenstrain = world.write(*sink);
+        let Sink { mean, rest } = &mut self.sink;
+        let mut eigenstrain = world.write(*mean);
         let points = eigenstrain.par_iter_mut().enumerate();
-        points.for_each(|(point, sum)| *sum += mean(point));
         let Some(rest) = rest else {
+            points.for_each(|(point, sum)| *sum += along(point, 0));
             return Ok(());
         };
         rest.axes.follow(&world.read(rest.orientation));
         let mut tensors = world.write(rest.strain);
-        let points = tensors.par_iter_mut().enumerate();
-        let points = points.filter(|(point, _)| expansion(*point).has_directions());
-        points.for_each(|(point, sum)| {
-            let principal = [0, 1, 2].map(|axis| along(point, axis) - mean(point));
-            *sum += tensor(rest.axes.of(point), principal);
+        let points = points.zip(tensors.par_iter_mut());
+        points.for_each(|((point, sum), rest_of_point)| {
+            if !expansion(point).has_directions() {
+                *sum += along(point, 0);
+                return;
+            }
+            let principal = [0, 1, 2].map(|axis| along(point, axis));
+            let mean = principal.iter().sum::<f64>() / 3.0;
+            *sum += mean;
+            *rest_of_point += tensor(rest.axes.of(point), principal.map(|strain| strain - mean));
         });
         Ok(())
     }

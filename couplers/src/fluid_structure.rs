@@ -75,8 +75,12 @@ impl Coupler for FluidStructure {
             let expected = "a solid with at most the spacing of the fluid";
             return Err(SetupError::value("solid", message, expected));
         }
-        let slip = self.slip;
-        setup.publish_to_physics(fluid, Wall { other: solid, slip }, NO_WALLS)?;
+        let wall = Wall {
+            other: solid,
+            slip: self.slip,
+            unread: NO_WALLS,
+        };
+        setup.publish(fluid, wall)?;
         // the fluid gives them
         setup.announce_gift(solid, &keys::IMPULSE);
         setup.stepping(Stepping {

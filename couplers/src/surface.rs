@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::world::exchange::{Exchange, FreeFaces, SurfaceDepth, SurfaceLaw};
+use perimelt_core::world::exchange::{Exchange, FreeFaces, NewExchange, SurfaceDepth, SurfaceLaw};
 use perimelt_core::{
     ActivityChanges, Change, Face, FactRule, Report, Setup, SetupError, World, keys, shared_keys,
 };
@@ -136,10 +136,14 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
         law: L,
     ) -> Result<SurfaceHeat<L>, SetupError> {
         let law = Rc::new(RefCell::new(law));
-        let exchange = setup.exchange(body, &keys::TEMPERATURE, depth, law.clone(), cells)?;
-        setup.publish_to_physics(body, exchange.clone(), NO_EXCHANGE)?;
+        let new = NewExchange {
+            depth,
+            law: law.clone(),
+            cells,
+            unread: NO_EXCHANGE,
+        };
         Ok(SurfaceHeat {
-            exchange,
+            exchange: setup.exchange(body, &keys::TEMPERATURE, new)?,
             law,
             faces: Vec::new(),
             region: None,

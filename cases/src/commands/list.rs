@@ -7,7 +7,7 @@ use perimelt_core::law::{Law, LawKind, LawRegistration};
 use perimelt_core::material::known_properties;
 use perimelt_core::plugin::{Registration, registered};
 use perimelt_core::{Change, Coupler, Physics};
-use perimelt_physics::fluid::state::AnyState;
+use perimelt_physics::fluid::state::StateLaw;
 use perimelt_physics::fluid::viscosity::ViscositySweep;
 use perimelt_physics::mechanical::law::ElasticLaw;
 use perimelt_physics::mechanical::plasticity::FlowSweep;
@@ -100,7 +100,7 @@ pub(super) struct KindOfLaw {
 pub(super) const LAWS: [KindOfLaw; 5] = [
     KindOfLaw::of::<dyn ElasticLaw>("mechanical"),
     KindOfLaw::of::<dyn FlowSweep>("mechanical"),
-    KindOfLaw::of::<dyn AnyState>("fluid"),
+    KindOfLaw::of::<dyn StateLaw>("fluid"),
     KindOfLaw::of::<dyn ViscositySweep>("fluid"),
     KindOfLaw::of::<dyn AnyConductivity>("thermal"),
 ];

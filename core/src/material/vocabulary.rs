@@ -18,7 +18,7 @@
 
 use std::fmt;
 
-use crate::named::{Named, by_name};
+use crate::named::{HasName, by_name};
 use crate::register_property;
 
 /// One property that a material may have.
@@ -38,7 +38,7 @@ pub struct PropertyKey {
 
 inventory::collect!(PropertyKey);
 
-impl Named for PropertyKey {
+impl HasName for PropertyKey {
     fn name(&self) -> &'static str {
         self.name
     }

@@ -12,7 +12,6 @@
 mod balance;
 mod registry;
 
-pub use crate::named::{Named, by_name};
 pub use balance::{Balance, PhysicsReport, Report};
 pub(crate) use registry::supported;
 pub use registry::{FromToml, Registration, registered};

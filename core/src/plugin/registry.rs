@@ -3,7 +3,7 @@
 use schemars::Schema;
 
 use super::{Coupler, Physics};
-use crate::named::{Named, by_name};
+use crate::named::{HasName, by_name};
 use crate::world::changes::Changes;
 
 /// Builds a plugin of one kind from its table in a case file, keeping exact error positions.
@@ -24,7 +24,7 @@ pub struct Registration<P: ?Sized + 'static> {
 inventory::collect!(Registration<dyn Physics>);
 inventory::collect!(Registration<dyn Coupler>);
 
-impl<P: ?Sized> Named for Registration<P> {
+impl<P: ?Sized> HasName for Registration<P> {
     fn name(&self) -> &'static str {
         self.name
     }

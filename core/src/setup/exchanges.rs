@@ -8,14 +8,14 @@ use crate::body::{Face, SurfaceCell};
 use crate::error::SetupError;
 use crate::field::Key;
 use crate::world::BodyIndex;
-use crate::world::exchange::{Covered, Exchange, FreeFaces, SurfaceDepth, SurfaceLaw};
+use crate::world::exchange::{Covered, Exchange, FreeFaces, NewExchange, SurfaceDepth};
 
 use super::{Access, Setup, Warning};
 
 impl Setup<'_> {
-    /// Declares that `cells` of a body have a flux by a law of the value of a field, which the calling coupler keeps up to date
-    /// and publishes ([`Setup::publish_to_physics`]). The physics that owns the field evaluates it. What the surroundings
-    /// cannot reach is taken away from the cells before the first step ([`FreeFaces`]).
+    /// Declares that cells of a body have a flux by a law of the value of a field, which the calling coupler keeps up to date.
+    /// The physics that owns the field evaluates it. What the surroundings cannot reach is taken away from the cells before
+    /// the first step ([`FreeFaces`]).
     ///
     /// # Errors
     /// When the field is known with another type.
@@ -23,12 +23,16 @@ impl Setup<'_> {
         &mut self,
         body: BodyIndex,
         key: &Key<f64>,
-        depth: SurfaceDepth,
-        law: Rc<RefCell<dyn SurfaceLaw>>,
-        cells: Vec<SurfaceCell>,
+        new: NewExchange,
     ) -> Result<Rc<Exchange>, SetupError> {
         let field = self.declare(body, key, Access::Layer)?;
-        Ok(Rc::new(Exchange {
+        let NewExchange {
+            depth,
+            law,
+            cells,
+            unread,
+        } = new;
+        let exchange = Rc::new(Exchange {
             label: self.label(self.current).to_string(),
             body,
             field,
@@ -38,7 +42,10 @@ impl Setup<'_> {
             version: Cell::default(),
             power: Cell::default(),
             values: RefCell::default(),
-        }))
+            unread,
+        });
+        self.publish(body, exchange.clone())?;
+        Ok(exchange)
     }
 
     /// Restricts exchanges to what the surroundings can reach, and tells of faces that are left out and of faces on which

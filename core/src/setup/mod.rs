@@ -189,28 +189,6 @@ impl<'w> Setup<'w> {
     /// # Errors
     /// A second fact of a type of which a body has one ([`Fact::SECOND`]).
     pub fn publish<T: Fact>(&mut self, body: BodyIndex, fact: T) -> Result<(), SetupError> {
-        self.publish_by(body, fact, None)
-    }
-
-    /// Publishes a fact for which a physics of the body has to ask; `unread` is the mistake where none does.
-    ///
-    /// # Errors
-    /// See [`Setup::publish`].
-    pub fn publish_to_physics<T: Fact>(
-        &mut self,
-        body: BodyIndex,
-        fact: T,
-        unread: FactRule,
-    ) -> Result<(), SetupError> {
-        self.publish_by(body, fact, Some(unread))
-    }
-
-    fn publish_by<T: Fact>(
-        &mut self,
-        body: BodyIndex,
-        fact: T,
-        unread: Option<FactRule>,
-    ) -> Result<(), SetupError> {
         let first = self.world.facts.of::<T>(body).next();
         if let (Some((first, _)), Some(rule)) = (first, T::SECOND) {
             return Err(self.broken_rule(rule, body, first));
@@ -219,7 +197,7 @@ impl<'w> Setup<'w> {
         for change in Change::ALL.into_iter().filter(|c| changes.contains(*c)) {
             self.happens(body, change);
         }
-        self.world.facts.publish(body, self.current, fact, unread);
+        self.world.facts.publish(body, self.current, fact);
         Ok(())
     }
 

@@ -281,16 +281,16 @@ fn walls_are_taken_by_the_physics_of_the_fluid() {
     let wall = Wall {
         other: 1,
         slip: true,
-    };
-    let rule = FactRule {
-        key: "fluid",
-        message: "no physics of body `{body}` has walls",
-        expected: "a fluid",
+        unread: FactRule {
+            key: "fluid",
+            message: "no physics of body `{body}` has walls",
+            expected: "a fluid",
+        },
     };
     let mut world = world();
     let mut setup = Setup::new(&mut world, Path::new("."));
     setup.next_plugin("interface");
-    setup.publish_to_physics(0, wall, rule).expect("free");
+    setup.publish(0, wall).expect("free");
     setup.announce_gift(1, &keys::IMPULSE);
     assert!(setup.is_declared(1, &keys::IMPULSE, Access::Add));
     assert!(!setup.is_declared(0, &keys::IMPULSE, Access::Add));
@@ -307,7 +307,7 @@ fn walls_are_taken_by_the_physics_of_the_fluid() {
     let mut setup = Setup::new(&mut world, Path::new("."));
     setup.next_plugin("another");
     setup.next_plugin("interface");
-    setup.publish_to_physics(0, wall, rule).expect("free");
+    setup.publish(0, wall).expect("free");
     setup.next_physics("solid");
     let (plugin, key, message) = finished(setup).expect_err("no fluid");
     assert_eq!((plugin, &*key), (1, "fluid"));

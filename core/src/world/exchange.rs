@@ -15,7 +15,7 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 
-use super::facts::Fact;
+use super::facts::{Fact, FactRule};
 use super::{BodyIndex, World};
 use crate::body::{Body, Face, SurfaceCell};
 use crate::cell_list::CellList;
@@ -76,9 +76,28 @@ pub struct Exchange {
     pub(crate) power: Cell<f64>,
     /// Value of the field at each cell face when last observed; empty before.
     pub(crate) values: RefCell<Vec<f64>>,
+    /// See [`NewExchange`].
+    pub(crate) unread: FactRule,
 }
 
-impl Fact for Rc<Exchange> {}
+impl Fact for Rc<Exchange> {
+    fn unread(&self) -> Option<FactRule> {
+        Some(self.unread)
+    }
+}
+
+/// An exchange that a boundary declares.
+#[derive(Debug)]
+pub struct NewExchange {
+    /// Where the value is that the law takes.
+    pub depth: SurfaceDepth,
+    /// The law.
+    pub law: Rc<RefCell<dyn SurfaceLaw>>,
+    /// The cell faces on which it acts.
+    pub cells: Vec<SurfaceCell>,
+    /// The mistake where no physics evaluates it.
+    pub unread: FactRule,
+}
 
 impl Exchange {
     /// The law.

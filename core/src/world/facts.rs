@@ -9,7 +9,7 @@ use super::BodyIndex;
 use super::changes::Changes;
 
 /// A rule that a fact breaks: what to write instead.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FactRule {
     /// Key of the plugin that published the fact.
     pub key: &'static str,
@@ -31,6 +31,11 @@ pub trait Fact: Any {
     fn changes(&self) -> Changes {
         Changes::NONE
     }
+
+    /// The mistake where no plugin asks for the fact; `None` where that is none.
+    fn unread(&self) -> Option<FactRule> {
+        None
+    }
 }
 
 /// A fact that was published.
@@ -39,7 +44,7 @@ pub(crate) struct Published {
     /// Position of the plugin in the set-up.
     pub(crate) plugin: usize,
     value: Rc<dyn Any>,
-    /// The mistake where no plugin asks for it; `None` where that is none.
+    /// See [`Fact::unread`].
     unread: Option<FactRule>,
     is_read: Cell<bool>,
 }
@@ -55,18 +60,12 @@ impl fmt::Debug for Facts {
 }
 
 impl Facts {
-    pub(crate) fn publish<T: Fact>(
-        &mut self,
-        body: BodyIndex,
-        plugin: usize,
-        fact: T,
-        unread: Option<FactRule>,
-    ) {
+    pub(crate) fn publish<T: Fact>(&mut self, body: BodyIndex, plugin: usize, fact: T) {
         self.0.push(Published {
             body,
             plugin,
+            unread: fact.unread(),
             value: Rc::new(fact),
-            unread,
             is_read: Cell::new(false),
         });
     }

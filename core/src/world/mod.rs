@@ -24,7 +24,7 @@ use crate::solver::reduce::weighted_sum;
 use changes::Changes;
 use configuration::Configurations;
 use exchange::{Exchange, SurfaceDepth};
-use facts::{Fact, Facts};
+use facts::{Fact, FactRule, Facts};
 use families::WorldFamily;
 pub use materials::PhaseChange;
 use refinement::Refinement;
@@ -85,9 +85,15 @@ pub struct Wall {
     pub other: BodyIndex,
     /// Whether the material slips along the wall; else it sticks.
     pub slip: bool,
+    /// The mistake where no physics takes it into account.
+    pub unread: FactRule,
 }
 
-impl Fact for Wall {}
+impl Fact for Wall {
+    fn unread(&self) -> Option<FactRule> {
+        Some(self.unread)
+    }
+}
 
 /// Pairs of points of a body whose bond broke, for whoever else has bonds between them.
 #[derive(Debug, Default)]

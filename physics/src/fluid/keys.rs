@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::advection::Convection;
 
 use super::lagrangian::collision::Collisions;
-use super::state::AnyState;
+use super::state::StateLaw;
 use super::viscosity::ViscositySweep;
 
 /// Weakly compressible laminar flow; owns `velocity`, `density` and `pressure`. `thermal` computes heat.
@@ -35,7 +35,7 @@ pub struct Fluid {
     #[serde(default)]
     pub influence: Option<Influence>,
     /// Equation of state, such as `state.tait = { sound_speed = 20 }`: how the pressure follows from the flow.
-    pub state: Law<dyn AnyState>,
+    pub state: Law<dyn StateLaw>,
     /// Law of viscosity; when left out `newtonian`, by the property `viscosity` of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viscosity: Option<Law<dyn ViscositySweep>>,

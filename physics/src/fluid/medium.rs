@@ -2,13 +2,13 @@
 
 use perimelt_core::law::Law;
 
-use super::state::{AnyState, DensityChange};
+use super::state::{DensityChange, StateLaw};
 use super::viscosity::Viscosity;
 
 /// The fluid and its properties at its present temperature.
 #[derive(Debug)]
 pub(super) struct Medium {
-    state: Law<dyn AnyState>,
+    state: Law<dyn StateLaw>,
     /// By point, kg/m³.
     pub(super) reference_density: Vec<f64>,
     /// By point, m/s.
@@ -22,7 +22,7 @@ pub(super) struct Medium {
 impl Medium {
     /// A fluid with an equation of state, whose points have a reference density (kg/m³) and a spacing (m).
     pub(super) fn new(
-        state: Law<dyn AnyState>,
+        state: Law<dyn StateLaw>,
         viscosity: Viscosity,
         reference_density: Vec<f64>,
         spacing: Vec<f64>,
@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn lengths_and_diffusivities_are_those_of_spacing_and_sound() {
         let water = block([1, 1, 1], 1, 1.0, Store::Lattice, "viscosity = 3");
-        let tait = Law::<dyn AnyState> {
+        let tait = Law::<dyn StateLaw> {
             name: "tait",
             law: Box::new(Tait {
                 sound_speed: 20.0,

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use perimelt_core::body::Store;
-use perimelt_core::{Axis, Physics, RunError, Setup, Simulation, Wall, World};
+use perimelt_core::{Axis, FactRule, Physics, RunError, Setup, Simulation, Wall, World};
 
 use super::Fluid;
 use super::run::FluidRun;
@@ -32,7 +32,17 @@ fn step_between_walls(wall_density: f64) -> f64 {
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("walls");
     for other in [1, 2] {
-        setup.publish(0, Wall { other, slip: false }).expect("free");
+        let unread = FactRule {
+            key: "fluid",
+            message: "no walls",
+            expected: "a fluid",
+        };
+        let wall = Wall {
+            other,
+            slip: false,
+            unread,
+        };
+        setup.publish(0, wall).expect("free");
     }
     setup.next_plugin("fluid");
     let mut fluid: Fluid = read(

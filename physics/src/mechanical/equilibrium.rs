@@ -10,7 +10,6 @@ use perimelt_core::{Body, Step, Work, World};
 
 use super::coarse::Coarse;
 use super::keys::{MechanicalSolver, tolerance};
-use super::nodes::PointLoads;
 use super::residual::{Linearised, Residual, Tangent};
 use super::rigid::{free_rigid_modes, rigid_modes};
 use super::solid::{Solid, Stiffness, Wanted};
@@ -197,14 +196,9 @@ pub(super) fn newton(
     world: &World,
     step: Step,
 ) -> Result<Work, SolverError> {
-    let force = run.fields.body_force.map(|b| world.read(b));
-    let moment = run.fields.body_force_moment.map(|m| world.read(m));
     let rules = world.layer_rules(run.layers);
-    let loads = PointLoads {
-        force: force.as_deref().unwrap_or(&[]),
-        moment: moment.as_deref().unwrap_or(&[]),
-        faces: &rules,
-    };
+    let sinks = run.fields.loads(world);
+    let loads = sinks.of_points(&rules);
     let nodes = run.nodes().clone();
     let constraint = &run.constraints(world)[..];
     let mut displacement = world.write(run.fields.displacement);
@@ -341,14 +335,9 @@ fn rounding(solid: &mut dyn Solid, eigenstrain: f64, displacement: &[f64]) -> f6
 
 /// Brings `run` into equilibrium by adaptive dynamic relaxation.
 pub(super) fn relax(run: &mut MechanicalRun, world: &World) -> Result<Work, SolverError> {
-    let force = run.fields.body_force.map(|b| world.read(b));
-    let moment = run.fields.body_force_moment.map(|m| world.read(m));
     let rules = world.layer_rules(run.layers);
-    let loads = PointLoads {
-        force: force.as_deref().unwrap_or(&[]),
-        moment: moment.as_deref().unwrap_or(&[]),
-        faces: &rules,
-    };
+    let sinks = run.fields.loads(world);
+    let loads = sinks.of_points(&rules);
     let nodes = run.nodes().clone();
     let constraint = &run.constraints(world)[..];
     let mut displacement = world.write(run.fields.displacement);

@@ -6,6 +6,7 @@ use perimelt_core::world::{BodyIndex, BondBreaker};
 use perimelt_core::{Access, Key, Read, ReadIfProvided, Setup, SetupError, World, Write, keys};
 
 use super::classical::{COMPONENTS, symmetric};
+use super::nodes::LoadSinks;
 use super::plasticity::Plasticity;
 use super::points::LawPoints;
 use super::variables::VariableStates;
@@ -193,7 +194,25 @@ pub(super) struct Features<'a> {
     pub(super) breaks: bool,
 }
 
+/// Whether couplers give a body an eigenstrain that differs by direction.
+pub(super) fn has_tensor_eigenstrain(setup: &Setup<'_>, body: BodyIndex) -> bool {
+    setup.is_declared(body, &keys::EIGENSTRAIN_TENSOR, Access::Add)
+}
+
+/// Whether a coupler reads the stress that is conjugate to such an eigenstrain.
+pub(super) fn is_conjugate_tensor_read(setup: &Setup<'_>, body: BodyIndex) -> bool {
+    setup.is_declared(body, &keys::CONJUGATE_STRESS_TENSOR, Access::Read)
+}
+
 impl Fields {
+    /// The sinks of loads.
+    pub(super) fn loads<'a>(&self, world: &'a World) -> LoadSinks<'a> {
+        LoadSinks {
+            force: self.body_force.map(|force| world.read(force)),
+            moment: self.body_force_moment.map(|moment| world.read(moment)),
+        }
+    }
+
     /// Declares the fields of `body`.
     pub(super) fn declare(
         setup: &mut Setup<'_>,
@@ -249,11 +268,7 @@ impl Fields {
                 Access::Read,
             ),
             conjugate_stress: setup.own(body, &keys::CONJUGATE_STRESS)?,
-            conjugate_stress_tensor: match setup.is_declared(
-                body,
-                &keys::CONJUGATE_STRESS_TENSOR,
-                Access::Read,
-            ) {
+            conjugate_stress_tensor: match is_conjugate_tensor_read(setup, body) {
                 true => Some(setup.own(body, &keys::CONJUGATE_STRESS_TENSOR)?),
                 false => None,
             },

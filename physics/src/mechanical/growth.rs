@@ -42,10 +42,11 @@ use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::{ByRules, Continuation, LayerRule};
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Access, Face, Family, Setup, SetupError, SlotField, World, keys};
+use perimelt_core::{Face, Family, Setup, SetupError, SlotField, World};
 use rayon::prelude::*;
 
 use super::classical::{COMPONENTS, Point, symmetric};
+use super::fields::{has_tensor_eigenstrain, is_conjugate_tensor_read};
 use super::keys::{Formulation, Mechanical};
 use super::moduli::Moduli;
 use super::solid::{PointStates, StressFreeStrain, Wanted};
@@ -81,9 +82,9 @@ pub(super) fn check(
         let expected = "`formulation = \"correspondence\"` or `\"staggered\"`";
         return refuse("formulation", message, expected);
     }
-    let reads_tensor = setup.is_declared(body, &keys::CONJUGATE_STRESS_TENSOR, Access::Read);
-    let has_tensor = formulation == Formulation::Correspondence
-        && setup.is_declared(body, &keys::EIGENSTRAIN_TENSOR, Access::Add);
+    let reads_tensor = is_conjugate_tensor_read(setup, body);
+    let has_tensor =
+        formulation == Formulation::Correspondence && has_tensor_eigenstrain(setup, body);
     let heat = "the heat of deformation of a material that expands differently along its axes";
     let strain = "a stress-free strain that differs by direction in a correspondence solid";
     let causes = [(grows, cause), (reads_tensor, heat), (has_tensor, strain)];
@@ -105,8 +106,7 @@ pub(super) fn check_layer(
     body: BodyIndex,
     face: Face,
 ) -> Result<(), SetupError> {
-    let has_tensor = setup.is_declared(body, &keys::EIGENSTRAIN_TENSOR, Access::Add);
-    if !setup.world().is_growing(body) && !has_tensor {
+    if !setup.world().is_growing(body) && !has_tensor_eigenstrain(setup, body) {
         return Ok(());
     }
     let message = format!(

@@ -9,11 +9,12 @@ use std::sync::Arc;
 
 use perimelt_core::family::LayerRule;
 use perimelt_core::law::{Constant, Constants, Law, LawFacts, LawKind, LawRegistration};
-use perimelt_core::plugin::{Named, by_name};
+use perimelt_core::named::{HasName, by_name};
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Access, Body, Family, Setup, SetupError, keys};
+use perimelt_core::{Body, Family, Setup, SetupError};
 
 use super::correspondence::{Correspondence, Settings};
+use super::fields::{has_tensor_eigenstrain, is_conjugate_tensor_read};
 use super::gradient::FlatFamily;
 use super::keys::Formulation;
 use super::linear::LinearSolids;
@@ -257,7 +258,7 @@ pub struct ElasticRegistration {
 
 perimelt_core::inventory::collect!(ElasticRegistration);
 
-impl Named for ElasticRegistration {
+impl HasName for ElasticRegistration {
     fn name(&self) -> &'static str {
         self.law.name
     }
@@ -395,9 +396,7 @@ impl ChosenLaw {
                 "material that is deposited or cut off takes its stress from a linear law";
             return refuse(message.into(), "a body that does not change");
         }
-        if setup.is_declared(body, &keys::EIGENSTRAIN_TENSOR, Access::Add)
-            || setup.is_declared(body, &keys::CONJUGATE_STRESS_TENSOR, Access::Read)
-        {
+        if has_tensor_eigenstrain(setup, body) || is_conjugate_tensor_read(setup, body) {
             let message =
                 "a stress-free strain that differs by direction makes its stress by a linear law";
             return refuse(message.into(), "no such strain");

@@ -21,7 +21,7 @@
 //! | `growth` | material that is deposited or cut off |
 //! | `momentum`, `reports` | balances of momentum, and stresses for the log |
 //! | `energy`, `energy_watch` | energies of explicit motion, and a watch over them |
-//! | `validity` | warnings of states outside the validity of the model |
+//! | `validity`, `deformation` | warnings of states outside the validity of the model, and how far a body is deformed |
 //! | `layer_forces` | forces of bonds to layers that are no symmetric images |
 //! | [`solid`], `base` | what the solvers need of a formulation, and what all formulations have |
 //! | `nodes` | where the unknown displacement of a formulation lives |
@@ -41,6 +41,7 @@ mod coarse;
 pub mod correspondence;
 #[cfg(test)]
 mod correspondence_tests;
+mod deformation;
 mod elastic;
 mod energy;
 mod energy_watch;
@@ -208,7 +209,8 @@ impl RunningPhysics for RunningMechanical {
             return None;
         }
         self.run.load_displacement(world);
-        self.run.solid.find_overstretched(IMPLAUSIBLE_STRETCH)
+        let deformation = self.run.solid.deformation();
+        deformation.find_overstretched(IMPLAUSIBLE_STRETCH)
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {

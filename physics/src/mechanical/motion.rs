@@ -27,14 +27,9 @@ impl MechanicalRun {
 
     fn move_nodes(&mut self, world: &World, step: Step) -> Result<(), SolverError> {
         let (nodes, body) = (self.nodes().clone(), world.body(self.body));
-        let body_force = self.fields.body_force.map(|b| world.read(b));
-        let moment = self.fields.body_force_moment.map(|m| world.read(m));
         let rules = world.layer_rules(self.layers);
-        let loads = PointLoads {
-            force: body_force.as_deref().unwrap_or(&[]),
-            moment: moment.as_deref().unwrap_or(&[]),
-            faces: &rules,
-        };
+        let sinks = self.fields.loads(world);
+        let loads = sinks.of_points(&rules);
         let body_force = nodes.loads(loads, &self.state.present, &mut self.loads);
         let mut displacement = world.write(self.fields.displacement);
         let velocity = self.fields.velocity.expect("owned by the explicit solver");

@@ -5,6 +5,7 @@
 //! nodes only; the field `displacement` is that of points.
 
 use std::borrow::Cow;
+use std::cell::Ref;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
@@ -52,6 +53,23 @@ pub(super) struct PointLoads<'a> {
     pub(super) moment: &'a [Matrix3<f64>],
     /// Layers behind faces of the box. Where nodes lie on the faces, their tractions act there.
     pub(super) faces: &'a [LayerRule],
+}
+
+/// The sinks of the loads of a body.
+pub(super) struct LoadSinks<'a> {
+    pub(super) force: Option<Ref<'a, [Vector3<f64>]>>,
+    pub(super) moment: Option<Ref<'a, [Matrix3<f64>]>>,
+}
+
+impl LoadSinks<'_> {
+    /// The loads, with layers behind faces of the box.
+    pub(super) fn of_points<'a>(&'a self, faces: &'a [LayerRule]) -> PointLoads<'a> {
+        PointLoads {
+            force: self.force.as_deref().unwrap_or(&[]),
+            moment: self.moment.as_deref().unwrap_or(&[]),
+            faces,
+        }
+    }
 }
 
 impl PointLoads<'_> {

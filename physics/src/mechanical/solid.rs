@@ -8,6 +8,7 @@ use perimelt_core::family::{AxisPlane, LayerRule};
 use perimelt_core::solver::Spring;
 
 use super::base::SolidBase;
+use super::deformation::Deformation;
 use super::fracture::{Fracture, FractureState, NewBreaks};
 use super::moduli::Elasticity;
 use super::plasticity::Plasticity;
@@ -56,11 +57,8 @@ pub trait Solid: Debug + Sync {
     /// Takes displacements, m, and sets the mirrored layers by `rules`.
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]);
 
-    /// The point about which the displacement that was set stretches the body most, if a stretch is beyond `limit`.
-    fn find_overstretched(&mut self, limit: f64) -> Option<usize>;
-
-    /// Largest displacement of neighbours relative to each other, over their distance; `None` if it is not beyond `limit`.
-    fn relative_displacement_beyond(&mut self, limit: f64) -> Option<f64>;
+    /// The deformation by the displacement that was set.
+    fn deformation(&mut self) -> Deformation<'_>;
 
     /// Evaluates what is wanted of the displacement that was set. The inelastic strain is that of the trial state of
     /// [`Plasticity`], which [`Wanted::force`] sets.

@@ -132,7 +132,7 @@ impl MechanicalRun {
             return;
         }
         if self.validity.is_linear
-            && let Some(found) = self.solid.relative_displacement_beyond(SMALL)
+            && let Some(found) = self.solid.deformation().relative_displacement_beyond(SMALL)
         {
             let largest = &mut self.validity.relative_displacement;
             *largest = Some(largest.unwrap_or(0.0).max(found));

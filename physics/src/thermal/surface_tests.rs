@@ -8,12 +8,19 @@ use std::rc::Rc;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::world::PhaseChange;
-use perimelt_core::world::exchange::{SurfaceDepth, SurfaceFlux, SurfaceLaw};
-use perimelt_core::{Body, Face, LayerRole, RunningPhysics, Setup, Step, World, keys};
+use perimelt_core::world::exchange::{NewExchange, SurfaceDepth, SurfaceFlux, SurfaceLaw};
+use perimelt_core::{Body, Face, FactRule, LayerRole, RunningPhysics, Setup, Step, World, keys};
 
 use super::Thermal;
 use super::surface_depth::depths;
 use crate::testing::material;
+
+/// The mistake of an exchange that no physics evaluates.
+const UNREAD: FactRule = FactRule {
+    key: "body",
+    message: "no heat",
+    expected: "`thermal`",
+};
 
 const BOLTZMANN: f64 = 5.670_374_419e-8;
 
@@ -82,10 +89,15 @@ impl Cooled {
         }
         let cells: Vec<SurfaceCell> = setup.body(0).surface(faces);
         let law = Rc::new(RefCell::new(film));
-        let exchange = setup
-            .exchange(0, &keys::TEMPERATURE, SurfaceDepth::Face, law, cells)
+        let new = NewExchange {
+            depth: SurfaceDepth::Face,
+            law,
+            cells,
+            unread: UNREAD,
+        };
+        setup
+            .exchange(0, &keys::TEMPERATURE, new)
             .expect("an exchange");
-        setup.publish(0, exchange).expect("free");
         let layer = held.map(|_| {
             setup.next_plugin("held");
             setup

@@ -1,6 +1,7 @@
 //! Bodies, fields and points that a `measure` key names.
 
 use nalgebra::Vector3;
+use perimelt_core::field::FieldIndex;
 use perimelt_core::{Body, Face, SetupError, Simulation};
 
 use super::sample::Sampler;
@@ -98,13 +99,8 @@ pub(super) fn sampler(
 }
 
 fn field(m: &FieldMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(
-        simulation,
-        &m.target.body,
-        &m.target.field,
-        "measure.field.field",
-    )?;
-    let weights = |at| found.weights(at, m.interpolation, "measure.field.at");
+    let found = Found::new(simulation, &m.target.body, &m.target.field, "field")?;
+    let weights = |at| found.weights(at, m.interpolation);
     let subtracted = m.from.map(weights).transpose()?;
     let difference = |&at: &[f64; 3]| {
         let mut weights = weights(at)?;
@@ -126,12 +122,7 @@ fn field(m: &FieldMeasure, simulation: &Simulation) -> Result<Sampler, SetupErro
 
 fn passing(m: &PassingMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
     find_moving_body(simulation, m.target.body.as_deref())?;
-    let found = Found::new(
-        simulation,
-        &m.target.body,
-        &m.target.field,
-        "measure.passing.field",
-    )?;
+    let found = Found::new(simulation, &m.target.body, &m.target.field, "passing")?;
     Ok(Sampler::Passing {
         body: found.body,
         component: found.component(m.target.component.as_deref())?,
@@ -140,34 +131,24 @@ fn passing(m: &PassingMeasure, simulation: &Simulation) -> Result<Sampler, Setup
 }
 
 fn history(m: &HistoryMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(
-        simulation,
-        &m.target.body,
-        &m.target.field,
-        "measure.history.field",
-    )?;
+    let found = Found::new(simulation, &m.target.body, &m.target.field, "history")?;
     let end = simulation.options().end;
     Ok(Sampler::History {
         component: found.component(m.target.component.as_deref())?,
-        weights: found.weights(m.at, m.interpolation, "measure.history.at")?,
+        weights: found.weights(m.at, m.interpolation)?,
         until: m.until.unwrap_or(end) + 1e-9 * end,
     })
 }
 
 fn crossing(m: &CrossingMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(
-        simulation,
-        &m.target.body,
-        &m.target.field,
-        "measure.crossing.field",
-    )?;
+    let found = Found::new(simulation, &m.target.body, &m.target.field, "crossing")?;
     let interpolation = match found.points().lattice() {
         Some(_) => Interpolation::Cubic,
         None => Interpolation::Linear,
     };
     Ok(Sampler::Crossing {
         component: found.component(None)?,
-        weights: found.weights(m.at, interpolation, "measure.crossing.at")?,
+        weights: found.weights(m.at, interpolation)?,
         level: m.value,
         last: (f64::NAN, f64::NAN),
     })
@@ -185,12 +166,7 @@ fn onset(m: &OnsetMeasure, simulation: &Simulation) -> Result<Sampler, SetupErro
 }
 
 fn tip(m: &TipMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(
-        simulation,
-        &m.target.body,
-        &m.target.field,
-        "measure.tip.field",
-    )?;
+    let found = Found::new(simulation, &m.target.body, &m.target.field, "tip")?;
     Ok(Sampler::Tip {
         body: found.body,
         component: found.component(None)?,
@@ -217,56 +193,28 @@ fn statistic(m: &StatisticMeasure, simulation: &Simulation) -> Result<Sampler, S
 }
 
 fn place(m: &PlaceMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(
-        simulation,
-        &m.target.body,
-        &m.target.field,
-        "measure.place.field",
-    )?;
-    let region = m.region.as_deref();
+    let found = Found::new(simulation, &m.target.body, &m.target.field, "place")?;
     Ok(Sampler::Place {
         body: found.body,
         component: found.component(m.target.component.as_deref())?,
-        points: points_of(
-            simulation.world(),
-            found.body,
-            region,
-            "measure.place.region",
-        )?,
+        points: found.points_of(m.region.as_deref())?,
         of: m.of,
     })
 }
 
 fn deviation(m: &DeviationMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(
-        simulation,
-        &m.target.body,
-        &m.target.field,
-        "measure.deviation.field",
-    )?;
-    let region = m.region.as_deref();
+    let found = Found::new(simulation, &m.target.body, &m.target.field, "deviation")?;
     Ok(Sampler::Deviation {
         component: found.component(m.target.component.as_deref())?,
-        points: points_of(
-            simulation.world(),
-            found.body,
-            region,
-            "measure.deviation.region",
-        )?,
+        points: found.points_of(m.region.as_deref())?,
         section: m.clone(),
     })
 }
 
 fn alternation(m: &AlternationMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(
-        simulation,
-        &m.target.body,
-        &m.target.field,
-        "measure.alternation.field",
-    )?;
-    let (body, region) = (found.points(), m.region.as_deref());
-    let world = simulation.world();
-    let points = points_of(world, found.body, region, "measure.alternation.region")?;
+    let found = Found::new(simulation, &m.target.body, &m.target.field, "alternation")?;
+    let body = found.points();
+    let points = found.points_of(m.region.as_deref())?;
     let lower = Face::ALL.into_iter().filter(|face| !face.is_upper());
     let rows = lower.flat_map(|face| {
         let neighbours = move |point| {
@@ -280,8 +228,7 @@ fn alternation(m: &AlternationMeasure, simulation: &Simulation) -> Result<Sample
     if rows.is_empty() {
         let message = format!("no row of three points of body `{}` lies there", body.name);
         let expected = "a region with three points in a row";
-        let key = "measure.alternation.region";
-        return Err(SetupError::value(key, message, expected));
+        return Err(SetupError::value(found.key("region"), message, expected));
     }
     Ok(Sampler::Alternation {
         component: found.component(m.target.component.as_deref())?,
@@ -324,27 +271,34 @@ fn report(m: &ReportMeasure, simulation: &Simulation) -> Result<Sampler, SetupEr
     Ok(Sampler::Report { name, of })
 }
 
-/// A field of a body.
+/// A field of a body, with the name of the measurement, for the keys of mistakes.
 struct Found<'a> {
     simulation: &'a Simulation,
     body: usize,
-    field: perimelt_core::field::FieldIndex,
+    field: FieldIndex,
+    measure: &'static str,
 }
 
 impl<'a> Found<'a> {
-    /// The `field` of a body with the key that names it.
+    /// The `field` of a body.
     fn new(
         simulation: &'a Simulation,
         body: &Option<String>,
         field: &str,
-        key: &str,
+        measure: &'static str,
     ) -> Result<Self, SetupError> {
         let body = simulation.world().find_body(body.as_deref())?;
+        let key = format!("measure.{measure}.field");
         Ok(Found {
             simulation,
             body,
-            field: find_field(simulation, body, field, key)?,
+            field: find_field(simulation, body, field, &key)?,
+            measure,
         })
+    }
+
+    fn key(&self, name: &str) -> String {
+        format!("measure.{}.{name}", self.measure)
     }
 
     fn points(&self) -> &'a Body {
@@ -355,13 +309,18 @@ impl<'a> Found<'a> {
         Component::new(self.simulation.world(), self.field, name)
     }
 
-    fn weights(
-        &self,
-        at: [f64; 3],
-        interpolation: Interpolation,
-        key: &str,
-    ) -> Result<Weights, SetupError> {
-        Weights::at(self.points(), at, interpolation, key)
+    fn weights(&self, at: [f64; 3], interpolation: Interpolation) -> Result<Weights, SetupError> {
+        Weights::at(self.points(), at, interpolation, &self.key("at"))
+    }
+
+    /// The points of a region; those of the body without one.
+    fn points_of(&self, region: Option<&str>) -> Result<Vec<u32>, SetupError> {
+        points_of(
+            self.simulation.world(),
+            self.body,
+            region,
+            &self.key("region"),
+        )
     }
 }
 

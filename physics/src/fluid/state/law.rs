@@ -6,9 +6,7 @@
 use std::fmt::Debug;
 
 use perimelt_core::SetupError;
-use perimelt_core::law::{Constant, LawFacts, LawKind, LawRegistration};
-use perimelt_core::plugin::by_name;
-use serde::Serialize;
+use perimelt_core::law::{Constant, LawFacts};
 
 /// A point whose density changes.
 #[derive(Clone, Copy, Debug)]
@@ -23,8 +21,8 @@ pub struct DensityChange {
     pub reference: f64,
 }
 
-/// An equation of state: the pressure of a weakly compressible fluid.
-pub trait StateLaw: Clone + Debug + Send + Sync + Serialize + 'static {
+/// An equation of state: the pressure of a weakly compressible fluid. The law implements `Clone` and `Serialize`.
+pub trait StateLaw: CopyState + Debug + Send + Sync + erased_serde::Serialize {
     /// Checks the keys.
     ///
     /// # Errors
@@ -43,68 +41,29 @@ pub trait StateLaw: Clone + Debug + Send + Sync + Serialize + 'static {
     fn sound_speed(&self, reference: f64) -> f64;
 }
 
-/// An equation of state behind a dynamic call.
-pub trait AnyState: Debug + Send + Sync + erased_serde::Serialize {
-    /// See [`StateLaw::check`].
-    ///
-    /// # Errors
-    /// Errors of the law.
-    fn check(&self) -> Result<(), SetupError>;
-
-    /// See [`StateLaw::pressure`].
-    fn pressure(&self, change: DensityChange) -> f64;
-
-    /// See [`StateLaw::density`].
-    fn density(&self, pressure: f64, reference: f64) -> f64;
-
-    /// See [`StateLaw::sound_speed`].
-    fn sound_speed(&self, reference: f64) -> f64;
-
+/// Copies of equations of state behind a dynamic call.
+pub trait CopyState {
     /// A copy.
-    fn copy(&self) -> Box<dyn AnyState>;
+    fn copy(&self) -> Box<dyn StateLaw>;
 }
 
-erased_serde::serialize_trait_object!(AnyState);
+impl<L: StateLaw + Clone + 'static> CopyState for L {
+    fn copy(&self) -> Box<dyn StateLaw> {
+        Box::new(self.clone())
+    }
+}
 
-impl Clone for Box<dyn AnyState> {
+erased_serde::serialize_trait_object!(StateLaw);
+
+impl Clone for Box<dyn StateLaw> {
     fn clone(&self) -> Self {
         (**self).copy()
     }
 }
 
-impl<L: StateLaw> AnyState for L {
-    fn check(&self) -> Result<(), SetupError> {
-        StateLaw::check(self)
-    }
-
-    fn pressure(&self, change: DensityChange) -> f64 {
-        StateLaw::pressure(self, change)
-    }
-
-    fn density(&self, pressure: f64, reference: f64) -> f64 {
-        StateLaw::density(self, pressure, reference)
-    }
-
-    fn sound_speed(&self, reference: f64) -> f64 {
-        StateLaw::sound_speed(self, reference)
-    }
-
-    fn copy(&self) -> Box<dyn AnyState> {
-        Box::new(self.clone())
-    }
-}
-
-/// A registered equation of state.
-pub struct StateRegistration(pub LawRegistration<dyn AnyState>);
-
-perimelt_core::inventory::collect!(StateRegistration);
-
-impl LawKind for dyn AnyState {
-    const KEY: &'static str = "state";
-
-    fn registered() -> Vec<&'static LawRegistration<Self>> {
-        by_name(|registration: &'static StateRegistration| &registration.0)
-    }
+perimelt_core::law_kind! {
+    /// A registered equation of state.
+    pub StateRegistration, dyn StateLaw, "state"
 }
 
 /// What `perimelt explain` says about equations of state besides their keys.

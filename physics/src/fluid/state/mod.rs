@@ -4,7 +4,7 @@ mod law;
 mod rate;
 mod tait;
 
-pub use law::{AnyState, DensityChange, FACTS, StateLaw, StateRegistration};
+pub use law::{CopyState, DensityChange, FACTS, StateLaw, StateRegistration};
 pub use rate::Rate;
 pub use tait::Tait;
 
@@ -47,7 +47,7 @@ mod tests {
 
     #[derive(Debug, Serialize, Deserialize)]
     struct Table {
-        state: Law<dyn AnyState>,
+        state: Law<dyn StateLaw>,
     }
 
     #[test]
@@ -88,14 +88,14 @@ mod tests {
             (7.0, 5.5, 2000.0 / 7.0 * (1.1_f64.powi(7) - 1.0) + 30.0),
             (7.0, 5.0, 30.0),
         ] {
-            let state: Box<dyn AnyState> = Box::new(tait(exponent));
+            let state: Box<dyn StateLaw> = Box::new(tait(exponent));
             let found = state.pressure(change(77.0, density, -9.0, 5.0));
             assert!((found - pressure).abs() < 1e-10, "{exponent}: {found}");
             let found = state.density(pressure, 5.0);
             assert!((found - density).abs() < 1e-12, "{exponent}: {found}");
             assert_eq!(state.sound_speed(density), 20.0);
         }
-        let rate: Box<dyn AnyState> = Box::new(Rate {
+        let rate: Box<dyn StateLaw> = Box::new(Rate {
             bulk_modulus: 2000.0,
         });
         assert!((rate.pressure(change(4.0, 5.0, 7.0, 77.0)) - 507.0).abs() < 1e-10);
@@ -105,9 +105,9 @@ mod tests {
 
     #[test]
     fn numbers_of_a_state_are_positive() {
-        let rate = |bulk_modulus| -> Box<dyn AnyState> { Box::new(Rate { bulk_modulus }) };
-        let tait = |exponent| -> Box<dyn AnyState> { Box::new(tait(exponent)) };
-        let sound = |sound_speed| -> Box<dyn AnyState> {
+        let rate = |bulk_modulus| -> Box<dyn StateLaw> { Box::new(Rate { bulk_modulus }) };
+        let tait = |exponent| -> Box<dyn StateLaw> { Box::new(tait(exponent)) };
+        let sound = |sound_speed| -> Box<dyn StateLaw> {
             Box::new(Tait {
                 sound_speed,
                 exponent: 7.0,

@@ -7,9 +7,8 @@
 use std::fmt::Debug;
 
 use perimelt_core::SetupError;
-use perimelt_core::law::{Constant, Constants, LawFacts, LawKind, LawRegistration};
+use perimelt_core::law::{Constant, Constants, LawFacts};
 use perimelt_core::material::EnthalpyCurve;
-use perimelt_core::plugin::by_name;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -129,17 +128,9 @@ impl<L: ViscosityLaw> ViscositySweep for L {
     }
 }
 
-/// A registered law of viscosity.
-pub struct ViscosityRegistration(pub LawRegistration<dyn ViscositySweep>);
-
-perimelt_core::inventory::collect!(ViscosityRegistration);
-
-impl LawKind for dyn ViscositySweep {
-    const KEY: &'static str = "viscosity";
-
-    fn registered() -> Vec<&'static LawRegistration<Self>> {
-        by_name(|registration: &'static ViscosityRegistration| &registration.0)
-    }
+perimelt_core::law_kind! {
+    /// A registered law of viscosity.
+    pub ViscosityRegistration, dyn ViscositySweep, "viscosity"
 }
 
 /// What `perimelt explain` says about a law besides its keys.

@@ -34,6 +34,7 @@ use rayon::prelude::*;
 
 use super::base::{Properties, SolidBase};
 use super::classical::{COMPONENTS, Point};
+use super::deformation::Deformation;
 use super::fracture::{BondLoads, Fracture, FractureState, NewBreaks};
 use super::gradient::{FlatFamily, Gradient, RISE};
 use super::moduli::Moduli;
@@ -42,7 +43,6 @@ use super::solid::{
     Constitution, EnergyKind, Evaluated, PointModuli, PointStates, Solid, Stiffness, StrainKind,
     StressFreeStrain, StressKind, Wanted,
 };
-use super::stretch::{find_overstretched, relative_displacement_beyond};
 use inputs::Inputs;
 use kernels::{Block, Force};
 
@@ -223,14 +223,9 @@ impl Solid for Correspondence {
         self.base.continue_displacement(values, rules, vector);
     }
 
-    fn find_overstretched(&mut self, limit: f64) -> Option<usize> {
+    fn deformation(&mut self) -> Deformation<'_> {
         let displacement = std::array::from_fn(|axis| self.inputs.along(axis));
-        find_overstretched(&self.base, displacement, limit)
-    }
-
-    fn relative_displacement_beyond(&mut self, limit: f64) -> Option<f64> {
-        let displacement = std::array::from_fn(|axis| self.inputs.along(axis));
-        relative_displacement_beyond(self.base.bonds(), displacement, limit)
+        Deformation::Bonds(&self.base, displacement)
     }
 
     fn evaluate(&mut self, wanted: Wanted<'_>) -> Evaluated<'_> {

@@ -12,6 +12,7 @@ use perimelt_core::{Body, Family, SlotField};
 
 use super::base::{ElasticProperties, Properties, SolidBase};
 use super::classical::symmetric;
+use super::deformation::Deformation;
 use super::fracture::{BondEnergy, Fracture, FractureState, NewBreaks};
 use super::gradient::{FlatFamily, Gradient};
 use super::solid::{
@@ -21,8 +22,7 @@ use super::solid::{
 use super::specialise::specialise;
 use super::stretch::{
     Block, BondForce, BondLaw, CRITICAL, ConjugateStress, EIGENSTRAIN, ElasticEnergy, Energy,
-    Force, INPUTS, STIFFNESS, Stress, WeightOverLength, WithStrain, find_overstretched,
-    relative_displacement_beyond,
+    Force, INPUTS, STIFFNESS, Stress, WeightOverLength, WithStrain,
 };
 use dilatation::Dilatation;
 use forces::Sum;
@@ -356,12 +356,8 @@ impl<L: BondForce> Solid for Ordinary<L> {
         self.load_tensor(rules);
     }
 
-    fn find_overstretched(&mut self, limit: f64) -> Option<usize> {
-        find_overstretched(&self.base, self.inputs.displacement(), limit)
-    }
-
-    fn relative_displacement_beyond(&mut self, limit: f64) -> Option<f64> {
-        relative_displacement_beyond(self.base.bonds(), self.inputs.displacement(), limit)
+    fn deformation(&mut self) -> Deformation<'_> {
+        Deformation::Bonds(&self.base, self.inputs.displacement())
     }
 
     fn evaluate(&mut self, wanted: Wanted<'_>) -> Evaluated<'_> {

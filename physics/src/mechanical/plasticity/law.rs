@@ -9,8 +9,7 @@ use std::fmt::Debug;
 
 use nalgebra::Matrix6;
 use perimelt_core::SetupError;
-use perimelt_core::law::{Constant, LawKind, LawRegistration, StateVariable};
-use perimelt_core::plugin::by_name;
+use perimelt_core::law::{Constant, StateVariable};
 
 use super::sweep::FlowSweep;
 
@@ -120,17 +119,9 @@ pub trait FlowStressLaw: Debug + Send + Sync + serde::Serialize + 'static {
     fn scale(&self, point: &FlowPoint<'_>) -> f64;
 }
 
-/// A registered law of flow.
-pub struct FlowRegistration(pub LawRegistration<dyn FlowSweep>);
-
-perimelt_core::inventory::collect!(FlowRegistration);
-
-impl LawKind for dyn FlowSweep {
-    const KEY: &'static str = "flow";
-
-    fn registered() -> Vec<&'static LawRegistration<Self>> {
-        by_name(|registration: &'static FlowRegistration| &registration.0)
-    }
+perimelt_core::law_kind! {
+    /// A registered law of flow.
+    pub FlowRegistration, dyn FlowSweep, "flow"
 }
 
 /// Makes a [`FlowLaw`] known as `flow.<name>`: `register_flow_law!("chaboche", Chaboche)`. The law implements `Serialize`,

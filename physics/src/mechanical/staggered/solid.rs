@@ -1,12 +1,12 @@
 //! What the solvers ask of a staggered solid.
 
-use nalgebra::Matrix3;
 use perimelt_core::family::{AxisPlane, LayerRule};
 use perimelt_core::solver::Spring;
 use rayon::prelude::*;
 
 use super::super::base::SolidBase;
-use super::super::classical::{COMPONENTS, Point};
+use super::super::classical::COMPONENTS;
+use super::super::deformation::Deformation;
 use super::super::fracture::{FractureState, NewBreaks};
 use super::super::moduli::Moduli;
 use super::super::solid::{Evaluated, PointStates, Solid, Stiffness, StressKind, Wanted};
@@ -51,21 +51,9 @@ impl<const D: usize> Solid for Staggered<D> {
         self.displacement.copy_from_slice(nodes);
     }
 
-    fn find_overstretched(&mut self, limit: f64) -> Option<usize> {
-        let finite = self.base.is_finite();
-        let (point, strain) = self.largest(|gradient| Point::strain(gradient, finite).norm())?;
-        // the norm of Green's strain under uniaxial stretch
-        let limit = if finite {
-            limit * (1.0 + 0.5 * limit)
-        } else {
-            limit
-        };
-        (strain > limit).then_some(point)
-    }
-
-    fn relative_displacement_beyond(&mut self, limit: f64) -> Option<f64> {
-        let (_, largest) = self.largest(Matrix3::norm)?;
-        (largest > limit).then_some(largest)
+    fn deformation(&mut self) -> Deformation<'_> {
+        self.load_gradient();
+        Deformation::Gradients(&self.base, &self.gradient.values)
     }
 
     fn evaluate(&mut self, wanted: Wanted<'_>) -> Evaluated<'_> {
@@ -163,11 +151,9 @@ impl<const D: usize> Solid for Staggered<D> {
     fn largest_frequency(&mut self, density: &[f64], _rules: &[LayerRule]) -> f64 {
         let square = self.cell.spacing * self.cell.spacing;
         let of_point = |(point, density): (usize, &f64)| {
-            let Moduli { bulk, shear, .. } = self.base.elastic.moduli(point);
-            let strain = 4.0 / square * (D as f64 * bulk).max(2.0 * shear);
-            let modes = f64::from(1 << D)
-                * self.springs.modulus(&self.base.elastic.moduli(point), D)
-                / square;
+            let moduli = self.base.elastic.moduli(point);
+            let strain = 4.0 / square * (D as f64 * moduli.bulk).max(2.0 * moduli.shear);
+            let modes = f64::from(1 << D) * self.springs.modulus(&moduli, D) / square;
             strain.max(modes) / density
         };
         let squares = density.iter().enumerate().map(of_point);
@@ -228,13 +214,6 @@ impl<const D: usize> Solid for Staggered<D> {
 }
 
 impl<const D: usize> Staggered<D> {
-    /// The point with the largest measure of its gradient; `None` without numbers.
-    fn largest(&mut self, measure: impl Fn(&Matrix3<f64>) -> f64) -> Option<(usize, f64)> {
-        self.load_gradient();
-        let measures = self.gradient.values.iter().map(measure).enumerate();
-        measures.max_by(|a, b| a.1.total_cmp(&b.1))
-    }
-
     /// Force density of a cell against the displacement of one of its corners, N/m³.
     fn force_of_cell(&self, point: usize, q: usize, corner: usize) -> [f64; D] {
         let CellState { slope, mean } = &self.states[point];

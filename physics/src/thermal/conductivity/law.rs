@@ -7,9 +7,8 @@
 use std::fmt::Debug;
 
 use perimelt_core::SetupError;
-use perimelt_core::law::{Constant, LawFacts, LawKind, LawRegistration};
+use perimelt_core::law::{Constant, LawFacts};
 use perimelt_core::material::{Directional, Property};
-use perimelt_core::plugin::by_name;
 use serde::Serialize;
 
 /// A law of the conductivity of materials, W/(m K). Axes of the material are turned by the field `orientation` of the body.
@@ -72,17 +71,9 @@ impl<L: ConductivityLaw> AnyConductivity for L {
     }
 }
 
-/// A registered law of conductivity.
-pub struct ConductivityRegistration(pub LawRegistration<dyn AnyConductivity>);
-
-perimelt_core::inventory::collect!(ConductivityRegistration);
-
-impl LawKind for dyn AnyConductivity {
-    const KEY: &'static str = "conductivity";
-
-    fn registered() -> Vec<&'static LawRegistration<Self>> {
-        by_name(|registration: &'static ConductivityRegistration| &registration.0)
-    }
+perimelt_core::law_kind! {
+    /// A registered law of conductivity.
+    pub ConductivityRegistration, dyn AnyConductivity, "conductivity"
 }
 
 /// What `perimelt explain` says about a law besides its keys.

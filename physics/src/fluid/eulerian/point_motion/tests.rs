@@ -12,7 +12,7 @@ use crate::advection::Convection;
 use crate::fluid::eulerian::fluxes::{FluxDomain, Fluxes};
 use crate::fluid::medium::Medium;
 use crate::fluid::rates::{Rates, Terms};
-use crate::fluid::state::{AnyState, Tait};
+use crate::fluid::state::{StateLaw, Tait};
 use crate::fluid::viscosity::Viscosity;
 use crate::fluid::walls::Walls;
 use crate::shape_tensor::CompleteFamily;
@@ -54,7 +54,7 @@ impl Channel {
         };
         let rates = Fluxes::new(Convection::Hybrid, &body, domain);
         let viscosity = Viscosity::new(None, &body).expect("a viscosity");
-        let state = Law::<dyn AnyState> {
+        let state = Law::<dyn StateLaw> {
             name: "tait",
             law: Box::new(Tait {
                 sound_speed: 10.0,

@@ -220,7 +220,7 @@ impl PointLaw for Umat {
         }
     }
 
-    /// That of subroutines is per volume of the deformed body.
+    /// The energy of subroutines is per volume of the deformed body.
     fn energy(&self, point: &LawPoint<'_>, strain: &Matrix3<f64>, state: &[f64]) -> f64 {
         let end = Extrapolated::new(point, strain, state);
         end.map_or(f64::NAN, |end| end.energy * end.increment.volume_ratio())
