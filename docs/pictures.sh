@@ -77,6 +77,8 @@ plotted residual_distortion.png $residual plate-displacement.z-120s.png --field 
 
 plotted deposited_fillet.png cases/welding/deposited_fillet.toml joint-stress.xx-120s.png --field stress.xx --at 120 --section x=0.03 --deform 10 --width 900
 
+plotted multi_pass_heat_treatment.png cases/welding/multi_pass_heat_treatment.toml probe-stress-along-the-weld.png --at 1800,30000
+
 plotted haz_hardness.png cases/welding/haz_hardness.toml plate-hardness-60s.png --field hardness --at 60
 
 plotted single_track_temperature.png cases/additive/single_track.toml block-temperature-0.55ms.png --field temperature --at 5.5e-4

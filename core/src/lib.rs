@@ -66,7 +66,7 @@ pub use plugin::{
     RunningPhysics, SavedState,
 };
 pub use programme::Programme;
-pub use setup::{Access, ClaimedLayers, GivenValue, LayerRole, Setup, Warning};
+pub use setup::{Access, ClaimedLayers, ExpectedGift, GivenValue, LayerRole, Setup, Warning};
 pub use simulation::Simulation;
 pub use stepping::{Step, StepLimits, StepSize, Stepping, Update, Work};
 pub use world::activity::ActivityChanges;

@@ -16,7 +16,8 @@
 //! the solid is `collisions` of `fluid`.
 
 use perimelt_core::{
-    Coupler, FactRule, Prepared, RunningCoupler, Setup, SetupError, Stepping, Wall, keys,
+    Coupler, ExpectedGift, FactRule, Prepared, RunningCoupler, Setup, SetupError, Stepping, Wall,
+    keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -81,8 +82,7 @@ impl Coupler for FluidStructure {
             unread: NO_WALLS,
         };
         setup.publish(fluid, wall)?;
-        // the fluid gives them
-        setup.announce_gift(solid, &keys::IMPULSE);
+        setup.publish(solid, ExpectedGift::of(&keys::IMPULSE))?;
         setup.stepping(Stepping {
             is_steady: true,
             ..Stepping::default()

@@ -1,9 +1,10 @@
 //! Fields that plugins own, read, write, add to and take up.
 
-use super::{Gift, Setup};
+use super::Setup;
 use crate::error::{Problem, SetupError};
 use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write};
 use crate::world::BodyIndex;
+use crate::world::facts::Fact;
 
 /// How a plugin touches a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,6 +80,24 @@ pub struct Declaration {
     /// What.
     pub field: FieldIndex,
 }
+
+/// The fact that a physics of another body gives amounts to a body ([`Setup::give`]). A coupler publishes it, so that the
+/// physics of the body takes them up whichever of the two is prepared first.
+#[derive(Debug)]
+pub struct ExpectedGift {
+    field: String,
+}
+
+impl ExpectedGift {
+    /// Amounts for this sink.
+    pub fn of<T: Value>(sink: &Key<T>) -> Self {
+        ExpectedGift {
+            field: sink.name.to_string(),
+        }
+    }
+}
+
+impl Fact for ExpectedGift {}
 
 impl Setup<'_> {
     pub(super) fn declare<T: Value>(
@@ -184,16 +203,9 @@ impl Setup<'_> {
             access => a == access,
         };
         let mut declarations = self.declarations.iter();
-        let mut gifts = self.gifts.iter();
+        let mut gifts = self.world.facts::<ExpectedGift>(body);
         declarations.any(|d| Some(d.field) == field && is_such(d.access))
-            || access == Access::Add && gifts.any(|g| g.body == body && g.field == key.name)
-    }
-
-    /// Announces, in a coupler, that a physics of another body will give amounts to a body ([`Setup::give`]), so that the
-    /// physics of the body takes them up whichever of the two is prepared first.
-    pub fn announce_gift<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) {
-        let field = key.name.to_string();
-        self.gifts.push(Gift { body, field });
+            || access == Access::Add && gifts.any(|gift| gift.field == key.name)
     }
 
     /// A derived field that the calling plugin computes.

@@ -29,7 +29,7 @@ use crate::world::changes::{Change, Changes};
 use crate::world::facts::{Fact, FactRule};
 use crate::world::{BodyIndex, World};
 
-pub use access::{Access, Declaration};
+pub use access::{Access, Declaration, ExpectedGift};
 pub use bodies::GivenValue;
 pub use layers::{ClaimedLayers, LayerRole};
 
@@ -91,13 +91,6 @@ pub struct Declared {
     pub(crate) requests: Vec<FamilyRequest>,
 }
 
-/// Amounts that a physics of another body will give to a body.
-struct Gift {
-    body: BodyIndex,
-    /// The sink.
-    field: String,
-}
-
 /// Handed to each plugin in turn.
 pub struct Setup<'w> {
     pub(crate) world: &'w mut World,
@@ -106,7 +99,6 @@ pub struct Setup<'w> {
     /// The plugin that declares, by its position.
     current: usize,
     declarations: Vec<Declaration>,
-    gifts: Vec<Gift>,
     happenings: Vec<Happening>,
     refused: Vec<RefusedChange>,
     warnings: Vec<Warning>,
@@ -125,7 +117,6 @@ impl<'w> Setup<'w> {
             plugins: Vec::new(),
             current: 0,
             declarations: Vec::new(),
-            gifts: Vec::new(),
             happenings: Vec::new(),
             refused: Vec::new(),
             warnings: Vec::new(),

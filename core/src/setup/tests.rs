@@ -291,7 +291,7 @@ fn walls_are_taken_by_the_physics_of_the_fluid() {
     let mut setup = Setup::new(&mut world, Path::new("."));
     setup.next_plugin("interface");
     setup.publish(0, wall).expect("free");
-    setup.announce_gift(1, &keys::IMPULSE);
+    (setup.publish(1, ExpectedGift::of(&keys::IMPULSE))).expect("any number of gifts");
     assert!(setup.is_declared(1, &keys::IMPULSE, Access::Add));
     assert!(!setup.is_declared(0, &keys::IMPULSE, Access::Add));
     assert!(!setup.is_declared(1, &SINK, Access::Add));
