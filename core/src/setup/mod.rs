@@ -91,7 +91,7 @@ pub struct Declared {
     pub(crate) requests: Vec<FamilyRequest>,
 }
 
-/// Amounts that a physics of another body will give to a body.
+/// Amounts that a physics will give to another one of a body.
 struct Gift {
     body: BodyIndex,
     /// The sink.
