@@ -81,6 +81,9 @@ pub mod keys {
         ENTHALPY: f64 = "enthalpy", "J/m3", "enthalpy per reference volume";
         /// Heat added per reference volume and time, W/m³ (sink field of the thermal physics).
         HEAT_SOURCE: f64 = "heat_source", "W/m3", "heat added per volume and time";
+        /// Heat per reference volume that a flow inside the body carried to a point during a step, J/m³ (sink field of amounts of
+        /// the thermal physics, [`crate::Setup::take_if_added`]); its sum over the points vanishes.
+        CARRIED_HEAT: f64 = "carried_heat", "J/m3", "heat that melt flow carried to the point in a step";
         /// Derivative of [`HEAT_SOURCE`] by the temperature of the point, with the opposite sign, W/(m³ K), of heat from bodies whose
         /// temperature is that of the moment (sink field of the thermal physics, which takes it into account in steady states).
         HEAT_CONDUCTANCE: f64 = "heat_conductance", "W/(m3 K)", "conductance to other bodies per volume";
@@ -98,6 +101,12 @@ pub mod keys {
         CONSOLIDATED: f64 = "consolidated", "1", "0 in powder that has not melted, 1 in dense metal";
         /// Share of liquid, 0 to 1.
         LIQUID_FRACTION: f64 = "liquid_fraction", "1", "fraction of liquid";
+        /// Velocity of the melt through the points of a solid body, m/s; zero in the solid.
+        MELT_VELOCITY: Vector3<f64> = "melt_velocity", "m/s", "velocity of the melt through the points, zero in the solid";
+        /// Force per volume on the melt that flows, N/m³ (sink field of melt flow), such as the one of an arc.
+        MELT_FORCE: Vector3<f64> = "melt_force", "N/m3", "force per volume on the melt that flows";
+        /// Pressure of the melt, Pa, up to a constant for each pool.
+        MELT_PRESSURE: f64 = "melt_pressure", "Pa", "pressure of the melt, up to a constant for each pool";
         /// Highest temperature so far, K.
         PEAK_TEMPERATURE: f64 = "peak_temperature", "K", "highest temperature so far";
         /// Time above a temperature so far, s.

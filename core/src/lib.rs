@@ -45,6 +45,7 @@ pub mod shape;
 pub mod simulation;
 pub mod solver;
 pub mod stepping;
+pub mod surface_tension;
 pub mod text;
 pub mod world;
 
@@ -69,6 +70,7 @@ pub use programme::Programme;
 pub use setup::{Access, ClaimedLayers, ExpectedGift, GivenValue, LayerRole, Setup, Warning};
 pub use simulation::Simulation;
 pub use stepping::{Step, StepLimits, StepSize, Stepping, Update, Work};
+pub use surface_tension::SurfaceTension;
 pub use world::activity::ActivityChanges;
 pub use world::changes::{Change, Changes};
 pub use world::configuration::{Configuration, Description, PointMover};

@@ -5,7 +5,7 @@
 //! (fields for logs and probes) run at the end of the macro step.
 //!
 //! **Groups.** A coupler that adds into sinks of two bodies (an *exchange*), and a physics that gives amounts to another
-//! body, tie the physics that take them up: these advance together. In each step of a group its exchanges are
+//! one, of the same body or of another, tie the physics that take them up: these advance together. In each step of a group its exchanges are
 //! applied once, with all members at one time; then every member advances to the end of the step, in sub-steps of its own
 //! where it must. What an exchange adds holds for all sub-steps (rates) or is taken up in the first one (amounts), so
 //! that what one body loses the other one gets, whatever steps they take.
@@ -37,8 +37,8 @@ pub struct Plan {
 /// Physics that advance together; most groups have one member and no exchange.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Group {
-    /// Physics in the order in which they advance: one that reads the state of another body or gives amounts to it comes
-    /// before the physics of that body.
+    /// Physics in the order in which they advance: one that reads the state of another body comes before the physics of that
+    /// body, and one that gives amounts before the one that takes them up.
     pub members: Vec<usize>,
     /// Couplers to apply once in each step of the group, in order: exchanges, and what they read from.
     pub couplers: Vec<usize>,
@@ -348,6 +348,23 @@ mod tests {
         let both = [&own[..], &gives, &[(2, Access::Read, 2)]].concat();
         let found = Plan::derive(2, 3, &declare(&both), &body_of_field, &labels(5));
         assert!(matches!(found, Err(Problem::Cycle(_))));
+    }
+
+    /// A physics that gives amounts to another one of its body advances before it in each common step, whatever the order of
+    /// the case, although it reads its state.
+    #[test]
+    fn a_giver_of_the_same_body_alternates_with_the_taker() {
+        let d = declare(&[
+            (0, Access::Own, 0),
+            (0, Access::Take, 1),
+            (1, Access::Own, 2),
+            (1, Access::Read, 0),
+            (1, Access::Give, 1),
+        ]);
+        let plan = Plan::derive(0, 2, &d, &[0; 3], &labels(2)).expect("no cycle");
+        assert_eq!(plan.groups.len(), 1);
+        assert_eq!(plan.groups[0].members, [1, 0]);
+        assert_eq!(plan.groups[0].givers, [1]);
     }
 
     /// What a coupler adds to two bodies makes it an exchange, which ties their physics; what it reads does not.

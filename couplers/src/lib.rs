@@ -35,6 +35,7 @@
 //! | `gravity` | [`boundary::Gravity`] | | body force |
 //! | `symmetry` | [`boundary::Symmetry`] | | layers of temperature, displacement and velocity |
 //! | `wall` | [`boundary::Wall`] | | layers of velocity |
+//! | `lorentz_force` | [`lorentz::LorentzForce`] | | force on the melt |
 //! | `buoyancy` | [`buoyancy::Buoyancy`] | temperature | body force |
 //! | `contact` | [`contact::Contact`] | displacement, velocity of one body or two | impulse |
 //! | `fluid_structure` | [`fluid_structure::FluidStructure`] | displacement, velocity of the solid | impulse, by way of the fluid |
@@ -62,6 +63,7 @@ pub mod forcing_zone;
 pub mod heat_interface;
 pub mod heat_source;
 pub mod inherent_strain;
+pub mod lorentz;
 pub mod moving_refinement;
 pub mod phase_change;
 pub mod phase_expansion;

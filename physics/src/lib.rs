@@ -3,6 +3,7 @@
 //! | type | owns | consumes |
 //! |---|---|---|
 //! | `thermal` | `temperature`, `enthalpy` | `heat_source` |
+//! | `melt_flow` | `melt_velocity`, `melt_pressure` | |
 //! | `thermal_history` | highest temperatures, cooling times, solidification | |
 //! | `metallurgy` | fractions of austenite, ferrite, pearlite, bainite and martensite, hardness | |
 //! | `replay` | the fields listed in `fields` or `values` | |
@@ -17,6 +18,7 @@ mod advection;
 mod dependent_keys;
 pub mod fluid;
 pub mod mechanical;
+pub mod melt_flow;
 pub mod metallurgy;
 mod momentum;
 pub mod replay;

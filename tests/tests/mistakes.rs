@@ -208,6 +208,14 @@ mistakes! {
     field_nobody_provides: "type = \"phase_change\"" => "type = \"deformation_heat\"";
     fixed_step_above_the_stable_one: "horizon = 2\n" => "horizon = 2\nstep = 1.0\n";
     table_not_increasing: "temperature = [300, 1000]" => "temperature = [1000, 300]";
+    melt_flow_in_a_body_that_does_not_melt: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"melt_flow\"";
+    melt_flow_without_viscosity: "horizon = 2\n" => "horizon = 2\n[[physics]]\ntype = \"melt_flow\"\n";
+    melt_flow_without_heat: "thermal_expansion = 1.2e-5\n\n[[physics]]\ntype = \"thermal\"\nhorizon = 2\n" => "viscosity = 5e-3\n\n[[physics]]\ntype = \"melt_flow\"\n";
+    melt_flow_with_apparent_latent_heat: "type = \"phase_change\"\n" => "type = \"phase_change\"\nform = \"apparent\"\n[[physics]]\ntype = \"melt_flow\"\n";
+    melt_flow_beside_a_steady_state: "thermal_expansion = 1.2e-5\n\n[[physics]]\ntype = \"thermal\"\n" => "viscosity = 5e-3\n\n[[physics]]\ntype = \"melt_flow\"\n\n[[physics]]\ntype = \"thermal\"\nsolver = \"steady\"\n";
+    melt_flow_along_no_face: "horizon = 2\n" => "horizon = 2\n[[physics]]\ntype = \"melt_flow\"\nsurface = { faces = [] }\n";
+    melt_flow_with_too_much_sulphur: "horizon = 2\n" => "horizon = 2\n[[physics]]\ntype = \"melt_flow\"\nsurface = { faces = [\"z+\"], tension.sulphur = 3 }\n";
+    melt_flow_that_nothing_is_liquid_enough_for: "horizon = 2\n" => "horizon = 2\n[[physics]]\ntype = \"melt_flow\"\nleast_liquid = 1\n";
     // and some more
     unknown_section: "[time]" => "[tme]";
     physics_as_coupler: "type = \"goldak\"" => "type = \"mechanical\"";

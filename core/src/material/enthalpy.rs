@@ -308,6 +308,33 @@ impl EnthalpyCurve {
         }
     }
 
+    /// Enthalpy (J/m³) at a liquid fraction between 0 and 1; `None` in a material that does not melt.
+    pub fn enthalpy_at_liquid_fraction(&self, fraction: f64) -> Option<f64> {
+        let LatentHeat {
+            solidus,
+            liquidus,
+            latent_heat,
+            ..
+        } = *self.latent_heat()?;
+        Some(match solidus == liquidus {
+            true => fraction * self.density * latent_heat,
+            false => self.enthalpy(solidus + fraction * (liquidus - solidus)),
+        })
+    }
+
+    /// Enthalpy of the liquid (J/m³) at a temperature (K), relative to that at the liquidus: below the liquidus that of a liquid
+    /// with the heat capacity at the liquidus. For a material that melts.
+    pub fn liquid_enthalpy(&self, temperature: f64) -> f64 {
+        let Some(LatentHeat { liquidus, .. }) = self.latent_heat() else {
+            return 0.0;
+        };
+        let first = &self.pieces[piece_index(&self.temperatures, *liquidus)];
+        match temperature > *liquidus {
+            true => self.enthalpy(temperature) - first.enthalpy(*liquidus),
+            false => first.capacity(*liquidus) * (temperature - liquidus),
+        }
+    }
+
     /// Temperature (K) and enthalpy (J/m³) after adding `heat` (J/m³).
     ///
     /// Enthalpy form: h' = h + heat, θ' = h⁻¹(h'). Apparent form: θ' = θ + heat/C(θ) and

@@ -247,6 +247,12 @@ register_property!(
     ValueRange::Positive
 );
 register_property!(
+    "liquid_expansion",
+    "1/K",
+    "coefficient of the volume expansion of the liquid, which drives melt flow by buoyancy",
+    ValueRange::Any
+);
+register_property!(
     "surface_tension",
     "N/m",
     "surface tension of the liquid against its gas",

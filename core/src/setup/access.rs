@@ -20,9 +20,9 @@ pub enum Access {
     Write,
     /// Adds into a sink.
     Add,
-    /// Adds amounts to another body, of a physics that advances before the one that takes them up.
+    /// Adds amounts that another physics takes up, which advances after it.
     Give,
-    /// Like `Give`, summed over the sub-steps of the physics, so that the other body may take longer steps.
+    /// Like `Give`, summed over the sub-steps of the physics, so that the other one may take longer steps.
     GiveSum,
     /// Reads values that the case gives ([`Setup::given`]).
     Given,
@@ -81,8 +81,8 @@ pub struct Declaration {
     pub field: FieldIndex,
 }
 
-/// The fact that a physics of another body gives amounts to a body ([`Setup::give`]). A coupler publishes it, so that the
-/// physics of the body takes them up whichever of the two is prepared first.
+/// The fact that a physics gives amounts to another one of a body ([`Setup::give`]), so that this takes them up whichever of the
+/// two is prepared first. The giver publishes it, or a coupler where it is prepared later.
 #[derive(Debug)]
 pub struct ExpectedGift {
     field: String,
@@ -174,7 +174,7 @@ impl Setup<'_> {
     }
 
     /// A sink field of amounts, such as [`IMPULSE`](crate::keys::IMPULSE), that the calling physics takes up
-    /// once at the start of a step, where a coupler adds into it. When the physics takes several sub-steps while its
+    /// once at the start of a step, where a coupler adds into it or a gift is announced. When the physics takes several sub-steps while its
     /// couplers are applied once, the sink is zero from the second sub-step on.
     ///
     /// # Errors
@@ -236,9 +236,9 @@ impl Setup<'_> {
         self.declare(body, key, Access::Add).map(Write::new)
     }
 
-    /// Amounts that the calling physics gives to the points of another body, whose physics takes them up
-    /// ([`Setup::take`]): those of the last sub-step ([`Access::Give`]), such as impulses, or their sum over its sub-steps
-    /// since both bodies were at one time ([`Access::GiveSum`]).
+    /// Amounts that the calling physics gives to the points of a body, of which another physics, of that body or the same one,
+    /// takes them up ([`Setup::take`]): those of the last sub-step ([`Access::Give`]), such as impulses, or their sum over
+    /// its sub-steps since both physics were at one time ([`Access::GiveSum`]).
     ///
     /// # Errors
     /// See [`Setup::own`].
@@ -255,7 +255,7 @@ impl Setup<'_> {
         self.declare(body, key, access).map(Write::new)
     }
 
-    /// Amounts that the calling physics takes up once, at the start of a step, from the physics of another body.
+    /// Amounts that the calling physics takes up once, at the start of a step, from another physics.
     ///
     /// # Errors
     /// See [`Setup::own`].

@@ -216,7 +216,7 @@ fn check_updates(
     match coupled.flat_map(|g| &g.members).find(rare) {
         Some(&p) => {
             let message = format!(
-                "`{}` exchanges heat or momentum with another body, so that both advance in every macro step",
+                "`{}` exchanges heat or momentum with another physics, so that both advance in every macro step",
                 physics[p].label
             );
             let mistake = SetupError::value("update", message, "`update = \"step\"`");

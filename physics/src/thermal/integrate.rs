@@ -248,6 +248,7 @@ impl RunningThermal {
     fn start_step(&mut self, world: &World) {
         self.integrator.vectors.start_step();
         self.take_births(world);
+        self.take_carried_heat(world);
         self.hold_temperatures(world);
         self.follow_interfaces(world);
         self.follow_surface(world);
@@ -347,6 +348,22 @@ impl RunningThermal {
                     steps.cover(method, rate, step, state, has_material)
                 })
             }
+        }
+    }
+
+    /// Adds the heat that melt flow carried from point to point since the last step. It is not counted as supplied: its sum
+    /// vanishes, which the balance verifies.
+    fn take_carried_heat(&mut self, world: &World) {
+        let Some(carried) = self.fields.carried else {
+            return;
+        };
+        let carried = world.read(carried);
+        let mut temperature = world.write(self.fields.temperature);
+        let mut enthalpy = world.write(self.fields.enthalpy);
+        let material = &world.body(self.body).material_of_point;
+        for (i, heat) in carried.iter().enumerate().filter(|(_, heat)| **heat != 0.0) {
+            enthalpy[i] += heat;
+            temperature[i] = self.curves[material[i] as usize].temperature(enthalpy[i]);
         }
     }
 

@@ -20,7 +20,7 @@ use super::conductivity::{Directions, conductivities};
 use super::faces::HeatedFace;
 use super::growth::Growth;
 use super::integrate::Integrator;
-use super::keys::{Form, Surfaces, Thermal};
+use super::keys::{Form, Surfaces, Thermal, ThermalSolver};
 use super::kinds::{BondKeys, FormKeys};
 use super::refined::Refined;
 use super::run::{Cracks, HeatAccount, RunningThermal};
@@ -37,10 +37,23 @@ pub(super) struct HeatFields {
     pub(super) conductance: Option<Read<f64>>,
     pub(super) constraint: Option<Read<f64>>,
     pub(super) held: Option<Read<f64>>,
+    /// Heat that melt flow carried to each point, J/m³.
+    pub(super) carried: Option<Read<f64>>,
 }
 
 impl HeatFields {
-    fn declare(setup: &mut Setup<'_>, body: BodyIndex) -> Result<Self, SetupError> {
+    fn declare(
+        thermal: &Thermal,
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+    ) -> Result<Self, SetupError> {
+        let carried = setup.take_if_added(body, &keys::CARRIED_HEAT)?;
+        need(
+            carried.is_none() || thermal.solver != ThermalSolver::Steady,
+            "solver",
+            "a melt that flows carries an amount of heat in each step, and a steady state has no steps",
+            "another `solver`, such as \"rkl2\"",
+        )?;
         Ok(HeatFields {
             temperature: setup.own(body, &keys::TEMPERATURE)?,
             enthalpy: setup.own(body, &keys::ENTHALPY)?,
@@ -48,6 +61,7 @@ impl HeatFields {
             conductance: setup.consume_if_added(body, &keys::HEAT_CONDUCTANCE)?,
             constraint: setup.consume_if_added(body, &keys::TEMPERATURE_CONSTRAINT)?,
             held: setup.consume_if_added(body, &keys::HELD_TEMPERATURE)?,
+            carried,
         })
     }
 }
@@ -79,7 +93,7 @@ impl RunningThermal {
         let description = setup.world().description(body);
         let horizon = thermal.horizon_of(setup.body(body), description);
         horizon.check(setup.body(body))?;
-        let fields = HeatFields::declare(setup, body)?;
+        let fields = HeatFields::declare(thermal, setup, body)?;
         let curves = setup.world().enthalpy_curves(body)?;
         let keys = thermal.take_keys(setup.world(), body)?;
         let is_growing = setup.world().is_growing(body);

@@ -64,6 +64,31 @@ fn curves() -> Vec<EnthalpyCurve> {
     ]
 }
 
+/// The liquid is continued below the liquidus with its heat capacity there; the enthalpy at a liquid fraction has that fraction.
+#[test]
+fn liquid_keeps_its_heat_capacity_below_the_liquidus() {
+    for latent in [melting(MushyCapacity::LatentPlusSensible), pure()] {
+        let curve = curve(&by_phase(), Some(latent));
+        let capacity = 830.0 * DENSITY;
+        for difference in [-50.0, 0.0, 300.0] {
+            let found = curve.liquid_enthalpy(latent.liquidus + difference);
+            assert!(
+                (found - capacity * difference).abs() < 1e-6 * capacity,
+                "{difference}: {found}"
+            );
+        }
+        for fraction in [0.01, 0.5, 0.99] {
+            let enthalpy = curve
+                .enthalpy_at_liquid_fraction(fraction)
+                .expect("it melts");
+            let found = curve.liquid_fraction_from_enthalpy(enthalpy);
+            assert!((found - fraction).abs() < 1e-12, "{fraction}: {found}");
+        }
+    }
+    let solid = curve(&peaked(), None);
+    assert_eq!(solid.enthalpy_at_liquid_fraction(0.5), None);
+}
+
 proptest! {
     /// Up to 3e9 J/m³ about the melting interval.
     #[test]

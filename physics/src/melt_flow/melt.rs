@@ -1,0 +1,203 @@
+//! Properties of the melt.
+
+use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, Property};
+use perimelt_core::world::{BodyIndex, PhaseChange};
+use perimelt_core::{Body, Problem, Setup, SetupError, SurfaceTension};
+
+use crate::dependent_keys::need;
+
+use super::keys::MeltFlow;
+
+/// The material of a body that melts.
+#[derive(Debug)]
+pub(super) struct Melt {
+    /// Its number among the materials of the body.
+    pub(super) material: u16,
+    pub(super) curve: EnthalpyCurve,
+    /// kg/m³.
+    pub(super) density: f64,
+    /// Pa s.
+    viscosity: Property,
+    viscosity_factor: f64,
+    /// Conductivity (W/(m K)) and the part of it that the flow adds.
+    conductivity: Option<(Property, f64)>,
+    lift: Option<Lift>,
+    tension: Option<Tension>,
+    /// kg/(m³ s).
+    pub(super) drag: Option<f64>,
+}
+
+/// Lift of the hot melt.
+#[derive(Debug)]
+struct Lift {
+    expansion: Property,
+    /// m/s².
+    gravity: [f64; 3],
+    /// K.
+    reference_temperature: f64,
+}
+
+#[derive(Debug)]
+struct Tension {
+    law: SurfaceTension,
+    property: Option<Property>,
+}
+
+/// A property of the material of a body that melts.
+fn property(body: &Body, material: u16, name: &str) -> Result<Property, SetupError> {
+    let material = &body.materials[usize::from(material)];
+    let found = material.same_in_all_directions(name);
+    let found = found.map_err(|e| SetupError::other("", e))?;
+    found.cloned().ok_or_else(|| {
+        let problem = Problem::MissingProperty {
+            material: material.name().into(),
+            body: body.name.clone(),
+            property: name.into(),
+        };
+        SetupError::new("", problem)
+    })
+}
+
+impl Melt {
+    pub(super) fn prepare(
+        keys: &MeltFlow,
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+    ) -> Result<Melt, SetupError> {
+        let change = setup.facts::<PhaseChange>(body).next().copied();
+        let form = change.map(|change| change.form);
+        need(
+            form.is_some(),
+            "body",
+            "the body does not melt: no coupler says how",
+            "a coupler `phase_change` on the body",
+        )?;
+        need(
+            form != Some(LatentHeatForm::Apparent),
+            "body",
+            "`form = \"apparent\"` of `phase_change` changes the heat of points, so that none can be carried",
+            "`form = \"enthalpy\"` of `phase_change`",
+        )?;
+        let curves = setup.world().enthalpy_curves(body)?;
+        let melting = || {
+            (0u16..)
+                .zip(&curves)
+                .filter(|(_, curve)| curve.latent_heat().is_some())
+        };
+        need(
+            melting().count() == 1,
+            "body",
+            "several materials of the body melt, and melt flow does not mix them",
+            "a body of which one material melts",
+        )?;
+        let Some((material, curve)) = melting().map(|(m, c)| (m, c.clone())).next() else {
+            return Err(SetupError::value(
+                "body",
+                "no material melts",
+                "one that does",
+            ));
+        };
+        let of = |name: &str| property(setup.body(body), material, name);
+        let liquidus = curve.latent_heat().map_or(0.0, |latent| latent.liquidus);
+        let lift = match &keys.buoyancy {
+            Some(buoyancy) => Some(Lift {
+                expansion: of("liquid_expansion")?,
+                gravity: buoyancy.gravity,
+                reference_temperature: buoyancy.reference_temperature.unwrap_or(liquidus),
+            }),
+            None => None,
+        };
+        let law = keys
+            .surface
+            .as_ref()
+            .and_then(|surface| surface.tension.clone());
+        let tension = match law {
+            Some(law) => Some(Tension {
+                property: match law {
+                    SurfaceTension::Material => Some(of("surface_tension")?),
+                    _ => None,
+                },
+                law,
+            }),
+            None => None,
+        };
+        let added = keys.conductivity_factor - 1.0;
+        let conductivity = match added > 0.0 {
+            true => Some((of("conductivity")?, added)),
+            false => None,
+        };
+        let viscosity = of("viscosity")?;
+        let melt = Melt {
+            material,
+            density: setup.world().reference_densities(body)?[usize::from(material)],
+            viscosity,
+            viscosity_factor: keys.viscosity_factor,
+            conductivity,
+            lift,
+            tension,
+            drag: keys.drag,
+            curve,
+        };
+        melt.warn(setup, body);
+        Ok(melt)
+    }
+
+    /// Warns of sulphur in a metal that is no steel, by its melting temperature.
+    fn warn(&self, setup: &mut Setup<'_>, body: BodyIndex) {
+        /// Steels melt between these temperatures, K.
+        const STEEL: std::ops::Range<f64> = 1550.0..1850.0;
+        let law = self.tension.as_ref().map(|tension| &tension.law);
+        let liquidus = self
+            .curve
+            .latent_heat()
+            .map_or(0.0, |latent| latent.liquidus);
+        if matches!(law, Some(SurfaceTension::Sulphur(_))) && !STEEL.contains(&liquidus) {
+            let name = setup.body(body).materials[usize::from(self.material)].name();
+            setup.warn(format!(
+                "the surface tension with sulphur is that of steel, and `{name}` melts at {liquidus} K"
+            ));
+        }
+    }
+
+    /// Kinematic viscosity at a temperature (K), m²/s.
+    pub(super) fn viscosity(&self, temperature: f64) -> f64 {
+        self.viscosity_factor * self.viscosity.at(temperature, 1.0) / self.density
+    }
+
+    /// Conductivity that the flow adds at a temperature (K), W/(m K); `None` where it adds none.
+    pub(super) fn added_conductivity(&self, temperature: f64) -> Option<f64> {
+        let (conductivity, added) = self.conductivity.as_ref()?;
+        Some(added * conductivity.at(temperature, 1.0))
+    }
+
+    /// Force per volume by which hot melt rises at a temperature (K), N/m³.
+    pub(super) fn lift(&self, temperature: f64) -> Option<[f64; 3]> {
+        let lift = self.lift.as_ref()?;
+        let difference = temperature - lift.reference_temperature;
+        let lighter = self.density * lift.expansion.at(temperature, 1.0) * difference;
+        Some(lift.gravity.map(|g| -lighter * g))
+    }
+
+    /// Slope of the surface tension at a temperature (K), N/(m K); `None` where it drives nothing.
+    pub(super) fn tension_slope(&self, temperature: f64) -> Option<f64> {
+        let tension = self.tension.as_ref()?;
+        Some(tension.law.slope(tension.property.as_ref(), temperature))
+    }
+
+    pub(super) fn has_lift(&self) -> bool {
+        self.lift.is_some()
+    }
+
+    pub(super) fn has_tension(&self) -> bool {
+        self.tension.is_some()
+    }
+
+    /// Rate at which the mushy zone brings the melt to rest at an enthalpy (J/m³), 1/s (Voller & Prakash (1987)).
+    pub(super) fn drag_rate(&self, enthalpy: f64) -> f64 {
+        let Some(drag) = self.drag else {
+            return 0.0;
+        };
+        let liquid = self.curve.liquid_fraction_from_enthalpy(enthalpy);
+        drag * (1.0 - liquid).powi(2) / (self.density * (liquid.powi(3) + 1e-3))
+    }
+}

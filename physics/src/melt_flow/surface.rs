@@ -1,0 +1,93 @@
+//! Stress along free surfaces by a surface tension that depends on temperature (Marangoni).
+//!
+//! A face is a plane along which the melt slips; its first row of cells gets the force
+//!
+//! ```text
+//! f = dgamma/dT grad_s T / dx         N/m³
+//! ```
+//!
+//! in which the stress `dgamma/dT grad_s T` is contained exactly: a linear profile of the velocity has no error. The gradient
+//! along the face is that of the first row, by central differences, one-sided beside a wall, and vanishes where a neighbour is solid.
+
+use perimelt_core::{Body, Face};
+
+use super::melt::Melt;
+use super::momentum::Vector;
+use super::pool::Pool;
+
+/// The first row of cells before the free faces.
+#[derive(Debug)]
+pub(super) struct Surface {
+    faces: Vec<Face>,
+    /// Cells with the axis across their face.
+    cells: Vec<(u32, usize)>,
+    dimension: usize,
+}
+
+impl Surface {
+    /// The surface of a body with these free faces.
+    pub(super) fn new(body: &Body, faces: Vec<Face>) -> Surface {
+        Surface {
+            faces,
+            cells: Vec::new(),
+            dimension: body.dimension,
+        }
+    }
+
+    /// Finds the first row of cells of a new list.
+    pub(super) fn follow(&mut self, body: &Body, pool: &Pool) {
+        self.cells.clear();
+        for face in &self.faces {
+            let cells = (0..pool.len()).filter(|cell| pool.is_at(body, *cell, *face));
+            self.cells
+                .extend(cells.map(|cell| (cell as u32, face.axis())));
+        }
+    }
+
+    /// Whether the melt reaches a free face.
+    pub(super) fn is_reached(&self) -> bool {
+        !self.cells.is_empty()
+    }
+
+    /// Adds the acceleration of the cells by the surface tension at their temperatures (K), m/s².
+    pub(super) fn add_stress(
+        &self,
+        melt: &Melt,
+        pool: &Pool,
+        temperature: &[f64],
+        acceleration: &mut [Vector],
+    ) {
+        let over = 1.0 / (melt.density * pool.stencil.spacing);
+        for &(cell, across) in &self.cells {
+            let cell = cell as usize;
+            let Some(slope) = melt.tension_slope(temperature[cell]) else {
+                return;
+            };
+            for axis in (0..self.dimension).filter(|axis| *axis != across) {
+                let gradient = gradient(pool, cell, axis, temperature);
+                acceleration[cell][axis] += slope * gradient * over;
+            }
+        }
+    }
+}
+
+/// Gradient of the temperature of the first row along an axis, K/m.
+fn gradient(pool: &Pool, cell: usize, axis: usize, temperature: &[f64]) -> f64 {
+    let own = temperature[cell];
+    let mut difference = 0.0;
+    let mut spacings = 0.0;
+    for (is_upper, sign) in [(false, -1.0), (true, 1.0)] {
+        let neighbour = pool.neighbours(cell)[pool.stencil.straight(axis, is_upper)];
+        if !neighbour.is_open {
+            return 0.0;
+        }
+        if !neighbour.is_behind_wall() {
+            difference += sign * (temperature[neighbour.cell as usize] - own);
+            spacings += 1.0;
+        }
+    }
+    match spacings > 0.0 {
+        true => difference / (spacings * pool.stencil.spacing),
+        false => 0.0,
+    }
+}
