@@ -38,6 +38,14 @@ impl Part {
         }
     }
 
+    /// A key whose value messages name in words.
+    pub(crate) fn named(key: &'static str, text: &str) -> Part {
+        Part {
+            key: Some(key),
+            text: text.into(),
+        }
+    }
+
     /// What other tables of the case decide, in words.
     pub(crate) fn elsewhere(text: &str) -> Part {
         Part {

@@ -1,10 +1,12 @@
 //! Limits of a run: the largest stable step, values that are no longer a flow, and how far walls may move.
 
 use nalgebra::Vector3;
+use perimelt_core::family::LayerRule;
 use perimelt_core::{Read, RunError, World, keys};
 
 use super::eulerian::immersed::LARGEST_DISPLACEMENT;
 use super::eulerian::point_motion::LEAST_DISTORTION;
+use super::eulerian::projection::Projection;
 use super::points::Points;
 use super::rates::Stability;
 use super::run::FluidRun;
@@ -58,6 +60,18 @@ impl FluidRun {
         is_beyond.then(|| world.first_beyond(density, limit))?
     }
 
+    /// Largest step (s) of a fluid that keeps its volume.
+    fn step_of(&self, projection: &Projection, world: &World) -> f64 {
+        let velocity = world.read::<Vector3<f64>>(self.fields.velocity.into());
+        let rules = world.layer_rules(self.fields.velocity_layers);
+        let of_face = |rule: &LayerRule| 0.5 * Vector3::from(rule.offset).norm();
+        let walls = rules.iter().map(of_face).fold(0.0, f64::max);
+        let (medium, material) = (&self.medium, &world.body(self.body).material_of_point);
+        let points = medium.reference_density.iter().zip(material);
+        let diffusivity = points.map(|(rho, &m)| medium.viscosity.largest(m) / rho);
+        projection.stable_step(&velocity, walls, diffusivity.fold(0.0, f64::max))
+    }
+
     /// Refuses to go on where walls have moved too far for points that rest or follow them.
     pub(super) fn check_walls(&self, world: &World, time: f64) -> Result<(), RunError> {
         let Points::Eulerian(points) = &self.points else {
@@ -100,6 +114,9 @@ impl FluidRun {
     /// density diffusion, a symplectic step is stable for `dt^2 w^2 + 2 dt r < 4`. In an Eulerian fluid `w` is
     /// `kappa (c + |v|)`; convection in the middle of the step has no limit of its own.
     pub(super) fn find_stable_step(&self, world: &World) -> f64 {
+        if let Some(projection) = self.points.projection() {
+            return self.step_of(projection, world);
+        }
         let (medium, settings) = (&self.medium, self.settings);
         let Stability {
             wave_number,

@@ -9,14 +9,14 @@ use crate::advection::usual_horizon;
 use crate::momentum::{Balanced, Momentum};
 use crate::shape_tensor::CompleteFamily;
 
-use super::boundaries::{check_closed, check_faces};
+use super::boundaries::{Otherwise, check_closed, check_faces};
 use super::eulerian::EulerianPoints;
 use super::keys::Fluid;
 use super::kinds::{FluidKeys, PointKeys};
 use super::lagrangian::LagrangianPoints;
 use super::medium::Medium;
 use super::points::{Points, Surroundings};
-use super::run::{FluidFields, FluidRun, FluidTemperature, MomentumAccount, StepSettings};
+use super::run::{FluidFields, FluidRun, FluidTemperature, MomentumAccount};
 use super::treatments::Treatments;
 use super::viscosity::Viscosity;
 use super::walls::Walls;
@@ -62,14 +62,7 @@ impl FluidRun {
         Ok(FluidRun {
             body,
             fields,
-            settings: StepSettings {
-                scheme: fluid.scheme,
-                density_diffusion: fluid.density_diffusion,
-                artificial_viscosity: fluid.artificial_viscosity,
-                startup: fluid.startup,
-                smoothing: keys.smoothing,
-                zero_surface_pressure: keys.zero_surface_pressure,
-            },
+            settings: keys.settings,
             medium,
             points,
             initial_stability: stability,
@@ -141,7 +134,17 @@ fn check_surfaces(
     faces: &[Face],
 ) -> Result<(), SetupError> {
     if !keys.may_have_free_surface() {
-        check_closed(setup, body, faces)?;
+        let otherwise = match keys.is_incompressible() {
+            false => Otherwise {
+                key: "form",
+                setting: "`form = \"conservative\"`",
+            },
+            true => Otherwise {
+                key: "state",
+                setting: "a `state` with sound, such as `state.tait`",
+            },
+        };
+        check_closed(setup, body, faces, otherwise)?;
     }
     if keys.conservative().is_some_and(|keys| keys.is_closed) {
         let otherwise = "another `surface` than \"closed\"";

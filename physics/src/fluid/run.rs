@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::solver::reduce::sum;
 use perimelt_core::world::{BodyIndex, LayersHandle};
-use perimelt_core::{PddoError, Read, SlotField, World, Write};
+use perimelt_core::{PddoError, Read, SlotField, Work, World, Write};
 use serde::{Deserialize, Serialize};
 
 use super::keys::Scheme;
@@ -78,7 +78,7 @@ pub(super) struct FluidTemperature {
 }
 
 /// Keys of a step that every fluid has.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct StepSettings {
     pub(super) scheme: Scheme,
     pub(super) density_diffusion: f64,
@@ -135,6 +135,27 @@ impl FluidRun {
             now.angular_size = sum(|x, v| Vector3::repeat(x.norm() * v.norm()));
         }
         now
+    }
+
+    /// Sets what the fluxes of the last step follow from, where these are kept from step to step.
+    pub(super) fn set_fluxes(&mut self, world: &World) {
+        if let Some(projection) = self.points.projection_mut() {
+            let velocity = world.read::<Vector3<f64>>(self.fields.velocity.into());
+            let density = world.read::<f64>(self.fields.density.into());
+            let pressure = world.read::<f64>(self.fields.pressure.into());
+            projection.set_fluxes(&velocity, &density, &pressure);
+        }
+    }
+
+    /// What the last step cost.
+    pub(super) fn work(&self) -> Work {
+        match self.points.projection() {
+            Some(projection) => Work {
+                iterations: projection.iterations(),
+                evaluations: 1 + projection.iterations(),
+            },
+            None => Work::of_stages(1),
+        }
     }
 
     /// Sets the configuration to where displacement and density say that the points are.
