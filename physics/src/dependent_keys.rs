@@ -118,10 +118,14 @@ impl Misfit {
         }
     }
 
-    /// The parts in which the nearest choices differ, except for one.
+    /// The parts in which the nearest choices differ, except for one; all others where they differ in that one only.
     fn others(&self, except: Option<usize>) -> String {
-        let others = self.differing.iter().filter(|n| Some(**n) != except);
-        let others: Vec<&str> = others.map(|n| &self.parts[*n].text[..]).collect();
+        let differing = self.differing.iter().copied();
+        let mut others: Vec<usize> = differing.filter(|n| Some(*n) != except).collect();
+        if others.is_empty() {
+            others.extend((0..self.parts.len()).filter(|n| Some(*n) != except));
+        }
+        let others: Vec<&str> = others.iter().map(|n| &self.parts[*n].text[..]).collect();
         others.join(" and ")
     }
 

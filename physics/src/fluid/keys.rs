@@ -8,7 +8,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::advection::Convection;
+use crate::dependent_keys::need;
 
+use super::eulerian::projection::pair::Interface;
 use super::lagrangian::collision::Collisions;
 use super::state::StateLaw;
 use super::viscosity::ViscositySweep;
@@ -37,6 +39,14 @@ pub struct Fluid {
     /// How the pressure follows from the flow: an equation of state, such as `state.tait = { sound_speed = 20 }`, or
     /// `state.incompressible = {}`.
     pub state: Law<dyn StateLaw>,
+    /// Materials of two fluids that share the points of a fluid that keeps its volume, such as `["steel", "argon"]`: the field
+    /// `fluid_fraction` is 1 in the first and 0 in the second. It begins with the materials of the points; a formula of the
+    /// distance from the interface, `initial.fluid_fraction = "1 / (1 + exp(-d / length))"`, is smoother.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fluids: Option<Vec<String>>,
+    /// The interface between two fluids.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interface: Option<Interface>,
     /// Law of viscosity; when left out `newtonian`, by the property `viscosity` of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viscosity: Option<Law<dyn ViscositySweep>>,
@@ -190,6 +200,12 @@ impl Fluid {
         for (key, value) in numbers {
             check_at_least(key, value, 0.0, "")?;
         }
+        need(
+            self.fluids.is_some() || self.interface.is_none(),
+            "interface",
+            "there is one fluid, which has no interface",
+            "`fluids` with two materials of the body, or no `interface`",
+        )?;
         if let Some(distance) = self.least_distance.filter(|d| !(0.0..1.0).contains(d)) {
             let message = format!("`least_distance` is {distance}");
             let expected = "a number from 0 to below 1, such as 0.5";

@@ -236,7 +236,12 @@ fn keys_of_sound_do_not_work_without_sound() {
         None
     );
     for (table, at_fault, expected) in [
-        ("", "state", "a `state` with sound, such as `state.tait`"),
+        ("interface = {}", "interface", "`fluids`"),
+        (
+            "",
+            "state",
+            "does not work with `description = \"updated_lagrangian\"` and `form = \"differences\"`",
+        ),
         (FOLLOWING, "description", "`description = \"eulerian\"`"),
         (
             &format!("{EULER}\ndensity_diffusion = 0.1"),

@@ -256,6 +256,8 @@ impl Fluid {
         if (choice.description, choice.form) != (Description::Eulerian, Form::Conservative) {
             return None;
         }
+        self.fluids.take();
+        self.interface.take();
         let keys = ProjectionKeys {
             tolerance: self.state.law.incompressible().unwrap_or_default(),
         };

@@ -40,6 +40,18 @@ struct PointsFold {
     place: [f64; 3],
 }
 
+/// A fraction of the first of two fluids is outside of 0 to 1.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the initial `fluid_fraction` is {fraction} at {place:?} m; expected 0 in the second fluid, 1 in the first, and values between \
+     them in a layer"
+)]
+struct FractionOutside {
+    fraction: f64,
+    /// m.
+    place: [f64; 3],
+}
+
 impl FluidRun {
     /// A point whose velocity or density (`field`), of which the `largest` value is given, is no longer that of a flow.
     pub(super) fn point_beyond_limits(
@@ -106,6 +118,25 @@ impl FluidRun {
                 Err(failed(cause.into()))
             }
             _ => Ok(()),
+        }
+    }
+
+    /// Refuses a fraction of the first of two fluids outside of 0 to 1.
+    pub(super) fn check_fraction(&self, world: &World) -> Result<(), RunError> {
+        let Some(fraction) = self.fields.fraction else {
+            return Ok(());
+        };
+        let fraction = world.read::<f64>(fraction.into());
+        match fraction.iter().position(|c| !(0.0..=1.0).contains(c)) {
+            None => Ok(()),
+            Some(point) => Err(RunError::Plugin {
+                plugin: "fluid".into(),
+                time: 0.0,
+                cause: Box::new(FractionOutside {
+                    fraction: fraction[point],
+                    place: world.body(self.body).points.position[point].into(),
+                }),
+            }),
         }
     }
 

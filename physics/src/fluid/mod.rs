@@ -34,7 +34,10 @@
 //! hundredth of `rho0 c^2`. A pressure that alternates from point to point has no gradient in this operator;
 //! `density_diffusion` removes it.
 //!
-//! Not for: turbulence, surface tension.
+//! A fluid that keeps its volume has no sound: its pressure follows from the condition that nothing accumulates anywhere. Two such
+//! fluids may share the points, with surface tension between them.
+//!
+//! Not for: turbulence.
 
 mod boundaries;
 mod differences;
@@ -63,6 +66,8 @@ pub mod viscosity;
 mod walls;
 
 pub use crate::advection::Convection;
+pub use eulerian::projection::pair::Interface;
+pub(crate) use eulerian::projection::pair::TwoFluids;
 pub use keys::{Fluid, Form, Scheme, Stress, Surface};
 pub use lagrangian::collision::Collisions;
 pub use perimelt_core::Description;
@@ -86,6 +91,9 @@ const STEPS_BETWEEN_LIMITS: u64 = 64;
 impl Physics for Fluid {
     fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        if self.fluids.is_some() {
+            setup.publish(body, TwoFluids)?;
+        }
         setup.publish(body, self.description)
     }
 
@@ -104,7 +112,11 @@ impl RunningPhysics for FluidRun {
     /// Density from the pressure at the start.
     fn start(&mut self, world: &World) -> Result<(), RunError> {
         self.complete_state(world);
+        self.check_fraction(world)?;
         self.set_fluxes(world);
+        if let Some(projection) = self.points.projection_mut() {
+            projection.weigh(&world.body(self.body).points.volume);
+        }
         self.initial_mass = self.mass(world);
         if let Some(MomentumAccount { balanced, .. }) = self.momentum {
             self.momentum = Some(MomentumAccount {

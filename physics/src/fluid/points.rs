@@ -9,6 +9,7 @@ use crate::advection::Convection;
 use crate::shape_tensor::CompleteFamily;
 
 use super::eulerian::projection::Projection;
+use super::eulerian::projection::pair::FluidPair;
 use super::eulerian::{EulerianPoints, SavedEulerian};
 use super::lagrangian::{LagrangianPoints, SavedLagrangian};
 use super::rates::{Rates, Stability};
@@ -29,6 +30,8 @@ pub(super) struct Surroundings {
     pub(super) family: FamilyHandle,
     pub(super) complete: CompleteFamily,
     pub(super) walls: Walls,
+    /// The two fluids, where there are two.
+    pub(super) pair: Option<FluidPair>,
 }
 
 /// State of the points that is saved with checkpoints.

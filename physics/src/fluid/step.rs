@@ -45,6 +45,7 @@ impl FluidRun {
         self.set_viscosity(world);
         self.points.follow_walls(world, self.body, step.size);
         self.advance_flow(world, step)?;
+        self.write_fraction(world);
         self.steps += 1;
         self.smooth(world);
         self.move_points(world, step.size);
@@ -72,6 +73,13 @@ impl FluidRun {
             None => viscosity.evaluate(material, None),
         }
         self.points.rates_mut().set_viscosity(&self.medium);
+    }
+
+    fn write_fraction(&self, world: &World) {
+        if let (Some(fraction), Some(projection)) = (self.fields.fraction, self.points.projection())
+        {
+            projection.copy_fraction(&mut world.write(fraction));
+        }
     }
 
     fn advance_flow(&mut self, world: &World, step: Step) -> Result<(), Cause> {

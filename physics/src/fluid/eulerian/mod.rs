@@ -96,6 +96,7 @@ impl EulerianPoints {
                 let domain = ProjectionDomain {
                     family,
                     complete: around.complete,
+                    pair: around.pair,
                 };
                 let rates = Projection::new(keys, convection, setup.body(body), domain);
                 EulerianRates::Projection(Box::new(rates))

@@ -14,27 +14,36 @@
 //! start. Behind faces pressure, density and coordinates are those of the mirror point, so that nothing pushes through; the
 //! velocity is mirrored, so that nothing flows through. See docs/theory/fluids.md, "Fluids that keep their volume".
 
+mod flow;
 mod kernels;
+pub(in crate::fluid) mod pair;
+pub(in crate::fluid) mod phase;
 mod pressure;
+mod slots;
 #[cfg(test)]
 mod tests;
 
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use perimelt_core::family::{ByRules, Mirrored};
+use perimelt_core::family::Mirrored;
 use perimelt_core::plugin::check_length;
 use perimelt_core::solver::SolverError;
+use perimelt_core::solver::reduce::dot;
 use perimelt_core::{Body, Family, SlotField};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use kernels::{Carry, Inputs, Push, Volume};
+use flow::largest;
+use kernels::{Inputs, JumpSums};
+use pair::FluidPair;
+use phase::{InterfaceReport, Measured, Phase};
 use pressure::{PressureBonds, PressureSolver};
+use slots::FlowSlots;
 
 use super::fluxes::AT_WALLS;
 use super::fluxes::FlowNow;
-use super::fluxes::kernels::{Viscosity, ViscosityInputs, ViscositySums};
+use super::fluxes::kernels::{ViscosityInputs, ViscositySums};
 use super::fluxes::short_waves::{DecayingWaves, FlowBonds};
 use crate::advection::Convection;
 use crate::fluid::medium::Medium;
@@ -57,17 +66,22 @@ pub(in crate::fluid) struct Projection {
     /// Slot of each point.
     slot: Vec<u32>,
     state: ProjectionState,
-    /// By slot, in the order of [`Inputs`].
-    fields: Vec<SlotField>,
+    slots: FlowSlots,
     viscosity: SlotField,
+    /// By point, Pa s; empty where there is one fluid.
+    mixed_viscosity: Vec<f64>,
+    /// What two fluids have besides.
+    phase: Option<Phase>,
     /// At the start of the step, and in its middle, by point, m/s.
     start: Vec<Vector3<f64>>,
     middle: Vec<Vector3<f64>>,
-    /// Rows of points: force (N/m³) and work (W/m³) of viscosity; momentum that is carried away (N/m³); acceleration along the
-    /// bonds (m/s²).
+    /// Rows of points: force (N/m³) and work (W/m³) of viscosity; momentum (N/m³) and volume of the first fluid (1/s) that are
+    /// carried away; acceleration along the bonds (m/s²).
     diffusion: Vec<f64>,
     carried: Vec<f64>,
     push: Vec<f64>,
+    /// Sums of [`JumpSums`], rows of points; empty where there is one fluid.
+    jumps: Vec<f64>,
     short_waves: DecayingWaves,
     /// Volume that flows out of each point, 1/s.
     excess: Vec<[f64; 1]>,
@@ -85,6 +99,8 @@ pub(in crate::fluid) struct ProjectionState {
     predicted: Vec<Vector3<f64>>,
     /// Acceleration by forces, m/s².
     acceleration: Vec<Vector3<f64>>,
+    /// Volume of the first of two fluids at the start, m³.
+    first_volume: f64,
 }
 
 const PUSH_2D: usize = Inputs::<2>::PUSH;
@@ -95,6 +111,10 @@ const CARRY_2D: usize = Inputs::<2>::CARRY;
 const CARRY_3D: usize = Inputs::<3>::CARRY;
 const VISCOUS_2D: usize = ViscosityInputs::<2>::PLAIN;
 const VISCOUS_3D: usize = ViscosityInputs::<3>::PLAIN;
+const SUMS_2D: usize = ViscositySums::<2>::COUNT;
+const SUMS_3D: usize = ViscositySums::<3>::COUNT;
+const JUMPS_2D: usize = JumpSums::<2>::COUNT;
+const JUMPS_3D: usize = JumpSums::<3>::COUNT;
 
 /// Keys of a fluid that keeps its volume.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,6 +127,8 @@ pub(in crate::fluid) struct ProjectionKeys {
 pub(super) struct ProjectionDomain {
     pub(super) family: Arc<Family>,
     pub(super) complete: CompleteFamily,
+    /// Where there are two fluids.
+    pub(super) pair: Option<FluidPair>,
 }
 
 impl Projection {
@@ -117,12 +139,12 @@ impl Projection {
         body: &Body,
         domain: ProjectionDomain,
     ) -> Self {
-        let ProjectionDomain { family, complete } = domain;
+        let ProjectionDomain {
+            family,
+            complete,
+            pair,
+        } = domain;
         let (dimension, points) = (body.dimension, body.points.len());
-        let mut fields = vec![SlotField::zeros(&family); 2 + 4 * dimension];
-        for axis in 0..dimension {
-            fields[2 + axis].load_coordinate(&family, axis);
-        }
         Projection {
             dimension,
             complete,
@@ -133,13 +155,17 @@ impl Projection {
                 step: 0.0,
                 predicted: vec![Vector3::zeros(); points],
                 acceleration: vec![Vector3::zeros(); points],
+                first_volume: 0.0,
             },
-            fields,
+            slots: FlowSlots::new(&family, dimension),
             viscosity: SlotField::default(),
+            mixed_viscosity: Vec::new(),
+            phase: pair.map(|pair| Phase::new(pair, dimension, points)),
             start: vec![Vector3::zeros(); points],
             middle: vec![Vector3::zeros(); points],
             diffusion: vec![0.0; points * (dimension + 1)],
-            carried: vec![0.0; points * dimension],
+            carried: vec![0.0; points * (dimension + 1)],
+            jumps: Vec::new(),
             push: vec![0.0; points * dimension],
             short_waves: DecayingWaves::new(convection, dimension),
             excess: vec![[0.0]; points],
@@ -171,9 +197,62 @@ impl Projection {
         if self.state.step == 0.0 {
             self.state.predicted.copy_from_slice(velocity);
         }
-        self.load_scalar(0, pressure);
-        self.load_scalar(1, density);
+        self.slots
+            .pressure
+            .load(&self.family, pressure, Mirrored::Scalar);
         self.load_state();
+        self.find_interface(density);
+    }
+
+    /// The two fluids, where there are two.
+    pub(in crate::fluid) fn pair(&self) -> Option<&FluidPair> {
+        self.phase.as_ref().map(|phase| &phase.pair)
+    }
+
+    /// Takes the fraction of the first of two fluids by point, before the fluxes.
+    pub(in crate::fluid) fn set_fraction(&mut self, fraction: &[f64]) {
+        if let Some(phase) = &mut self.phase {
+            phase.fraction.copy_from_slice(fraction);
+        }
+    }
+
+    /// Copies the fraction of the first of two fluids to points.
+    pub(in crate::fluid) fn copy_fraction(&self, fraction: &mut [f64]) {
+        if let Some(phase) = &self.phase {
+            fraction.copy_from_slice(&phase.fraction);
+        }
+    }
+
+    /// Keeps the volume of the first of two fluids at the start, for volumes by point (m³).
+    pub(in crate::fluid) fn weigh(&mut self, volume: &[f64]) {
+        let first = |phase: &Phase| dot(&phase.fraction, volume);
+        self.state.first_volume = self.phase.as_ref().map_or(0.0, first);
+    }
+
+    /// Volume of the first of two fluids now and at the start, m³.
+    pub(in crate::fluid) fn first_volumes(&self, volume: &[f64]) -> Option<[f64; 2]> {
+        let phase = self.phase.as_ref()?;
+        Some([dot(&phase.fraction, volume), self.state.first_volume])
+    }
+
+    /// Measures the interface of two fluids with this velocity (m/s).
+    pub(in crate::fluid) fn measure(
+        &mut self,
+        body: &Body,
+        velocity: &[Vector3<f64>],
+    ) -> Option<InterfaceReport> {
+        let phase = self.phase.as_mut()?;
+        let measured = Measured {
+            family: &self.family,
+            inverse: 1.0 / self.complete.moment,
+            slots: &self.slots,
+            body,
+            velocity,
+        };
+        Some(match self.dimension {
+            2 => phase.measure::<2>(measured),
+            _ => phase.measure::<3>(measured),
+        })
     }
 
     /// Iterations for the pressure of the last step.
@@ -189,166 +268,20 @@ impl Projection {
         walls: f64,
         diffusivity: f64,
     ) -> f64 {
+        let diffusivity = (self.phase.as_ref()).map_or(diffusivity, |p| p.pair.diffusivity());
         let speed = largest(velocity).max(walls);
         let way = LARGEST_WAY * self.spacing;
         let half = 0.5 * largest(&self.state.acceleration);
         let by_way = 2.0 * way / (speed + (speed * speed + 4.0 * half * way).sqrt());
         let by_viscosity = 1.0 / (self.stability().laplacian * diffusivity);
-        by_way.min(by_viscosity)
+        by_way.min(by_viscosity).min(self.capillary_step())
     }
 
-    fn inverse(&self) -> f64 {
-        1.0 / self.complete.moment
+    /// Largest step (s) that capillary waves allow (Brackbill et al. (1992)).
+    pub(in crate::fluid) fn capillary_step(&self) -> f64 {
+        let tension = |phase: &Phase| phase.pair.capillary_step(self.spacing);
+        self.phase.as_ref().map_or(f64::INFINITY, tension)
     }
-
-    fn volume<const D: usize>(&self, step: f64) -> Volume<D> {
-        Volume {
-            inverse: self.inverse(),
-            twice: 2.0 * step,
-        }
-    }
-
-    fn inputs<const I: usize>(&self) -> [&[f64]; I] {
-        std::array::from_fn(|i| &self.fields[i][..])
-    }
-
-    fn load_scalar(&mut self, field: usize, values: &[f64]) {
-        self.fields[field].load(&self.family, values, Mirrored::Scalar);
-    }
-
-    /// Copies the state to slots.
-    fn load_state(&mut self) {
-        let (d, state) = (self.dimension, &self.state);
-        for axis in 0..d {
-            let acceleration = |i: usize| state.acceleration[i][axis];
-            self.fields[2 + d + axis].load(&self.family, acceleration, Mirrored::Scalar);
-            let predicted = |i: usize| state.predicted[i][axis];
-            let ghosts = Mirrored::Vector(axis);
-            self.fields[2 + 2 * d + axis].load(&self.family, predicted, ghosts);
-        }
-    }
-
-    /// Finds force and work of viscosity, and the decay of short waves.
-    fn find_viscosity<const D: usize, const I: usize, const O: usize>(
-        &mut self,
-        flow: &FlowNow<'_>,
-    ) {
-        let laplacian = 2.0 * self.inverse();
-        let (sums, _) = self.diffusion.as_chunks_mut::<O>();
-        let inputs: [&[f64]; I] = std::array::from_fn(|i| match i < D {
-            true => &flow.velocity[i][..],
-            false => &self.viscosity,
-        });
-        let kernel = Viscosity::<D, false> { laplacian };
-        self.family.sum(&kernel, inputs, sums);
-        let bonds = FlowBonds {
-            family: &self.family,
-            complete: &self.complete,
-            slot: &self.slot,
-        };
-        let viscosity = &flow.terms.medium.viscosity.value;
-        self.short_waves.find::<D>(bonds, flow, viscosity);
-    }
-
-    /// Finds the momentum that the fluxes of the last step carry away with a velocity, at the start or in the middle of the step.
-    fn find_carried<const D: usize, const I: usize>(&mut self, terms: &Terms<'_>, middle: bool) {
-        let velocity = if middle { &self.middle } else { &self.start };
-        for axis in 0..D {
-            let along = |point: usize| velocity[point][axis];
-            let ghosts = ByRules(terms.rules, axis);
-            self.fields[Inputs::<D>::CARRIED + axis].load(&self.family, along, ghosts);
-        }
-        let mut rows = std::mem::take(&mut self.carried);
-        let (sums, _) = rows.as_chunks_mut::<D>();
-        let kernel = Carry(self.volume::<D>(self.state.step));
-        self.family.sum(&kernel, self.inputs::<I>(), sums);
-        self.carried = rows;
-    }
-
-    /// Acceleration by viscosity and by what the flow carries, m/s².
-    fn acceleration(&self, i: usize, density: f64) -> Vector3<f64> {
-        let d = self.dimension;
-        let mut acceleration = Vector3::zeros();
-        for a in 0..d {
-            let viscous = self.diffusion[i * (d + 1) + a] + self.short_waves.rate(i, a);
-            acceleration[a] = (viscous - self.carried[i * d + a]) / density;
-        }
-        acceleration
-    }
-
-    /// Finds the velocity in the middle of the step, with the acceleration of pressure and forces of the last step.
-    fn find_middle(&mut self, dt: f64, density: &[f64]) {
-        let mut middle = std::mem::take(&mut self.middle);
-        let before = match self.state.step {
-            0.0 => 0.0,
-            step => 1.0 / step,
-        };
-        let points = middle.par_iter_mut().enumerate();
-        points
-            .with_min_len(POINTS_PER_TASK)
-            .for_each(|(i, middle)| {
-                let v = self.start[i];
-                let push = before * (v - self.state.predicted[i]);
-                *middle = v + 0.5 * dt * (push + self.acceleration(i, density[i]));
-            });
-        self.middle = middle;
-    }
-
-    /// Finds the velocity before the pressure acts, and the acceleration by forces.
-    fn predict(&mut self, terms: &Terms<'_>, density: &[f64]) {
-        let mut state = std::mem::take(&mut self.state);
-        let points = state.predicted.par_iter_mut().zip(&mut state.acceleration);
-        let points = points.enumerate().with_min_len(POINTS_PER_TASK);
-        points.for_each(|(i, (predicted, acceleration))| {
-            *predicted = self.start[i] + terms.dt * self.acceleration(i, density[i]);
-            *acceleration = Vector3::zeros();
-            for a in 0..self.dimension {
-                acceleration[a] = terms.body_acceleration(i, a);
-            }
-        });
-        state.step = terms.dt;
-        self.state = state;
-        self.load_state();
-    }
-
-    /// Predicts the velocity, and finds the volume that flows out of the points with the pressure of the last step.
-    fn find_excess<const D: usize, const V: usize, const C: usize>(
-        &mut self,
-        terms: &Terms<'_>,
-        density: &[f64],
-    ) {
-        self.find_carried::<D, C>(terms, false);
-        self.find_middle(terms.dt, density);
-        self.find_carried::<D, C>(terms, true);
-        self.predict(terms, density);
-        let mut excess = std::mem::take(&mut self.excess);
-        let kernel = self.volume::<D>(terms.dt);
-        self.family.sum(&kernel, self.inputs::<V>(), &mut excess);
-        self.excess = excess;
-    }
-
-    /// Divergence (1/s) up to which the pressure is found.
-    fn divergence(&self, terms: &Terms<'_>) -> f64 {
-        let speed = largest(&self.state.predicted);
-        let gained = terms.dt * largest(&self.state.acceleration);
-        self.tolerance * speed.max(gained) / self.spacing
-    }
-
-    fn find_push<const D: usize, const I: usize>(&mut self) {
-        let mut rows = std::mem::take(&mut self.push);
-        let (sums, _) = rows.as_chunks_mut::<D>();
-        let kernel = Push {
-            inverse: self.inverse(),
-        };
-        self.family.sum(&kernel, self.inputs::<I>(), sums);
-        self.push = rows;
-    }
-}
-
-/// Largest length of a vector.
-fn largest(vectors: &[Vector3<f64>]) -> f64 {
-    let squares = vectors.iter().map(Vector3::norm_squared);
-    squares.fold(0.0, f64::max).sqrt()
 }
 
 impl Rates for Projection {
@@ -364,7 +297,14 @@ impl Rates for Projection {
     }
 
     fn set_viscosity(&mut self, medium: &Medium) {
-        medium.viscosity.load(&self.family, &mut self.viscosity);
+        let Some(phase) = &self.phase else {
+            return medium.viscosity.load(&self.family, &mut self.viscosity);
+        };
+        let points = phase.fraction.par_iter().with_min_len(POINTS_PER_TASK);
+        let mixed = points.map(|c| phase.pair.viscosity_of(*c));
+        mixed.collect_into_vec(&mut self.mixed_viscosity);
+        let values = &self.mixed_viscosity[..];
+        self.viscosity.load(&self.family, values, Mirrored::Scalar);
     }
 
     fn set_velocity(&mut self, velocity: &[SlotField], density: &[f64], terms: &Terms<'_>) {
@@ -379,14 +319,34 @@ impl Rates for Projection {
             velocity,
             density,
         };
+        let in_series = terms.medium.viscosity.needs_shear_rate();
+        match (self.dimension, &self.phase) {
+            (2, Some(_)) => self.find_jumping_viscosity::<2, VISCOUS_2D, JUMPS_2D>(&flow),
+            (_, Some(_)) => self.find_jumping_viscosity::<3, VISCOUS_3D, JUMPS_3D>(&flow),
+            (2, None) if in_series => self.find_viscosity::<2, VISCOUS_2D, SUMS_2D, true>(&flow),
+            (_, None) if in_series => self.find_viscosity::<3, VISCOUS_3D, SUMS_3D, true>(&flow),
+            (2, None) => self.find_viscosity::<2, VISCOUS_2D, SUMS_2D, false>(&flow),
+            (_, None) => self.find_viscosity::<3, VISCOUS_3D, SUMS_3D, false>(&flow),
+        }
+        let bonds = FlowBonds {
+            family: &self.family,
+            complete: &self.complete,
+            slot: &self.slot,
+        };
+        let viscosity = match &self.phase {
+            None => &terms.medium.viscosity.value,
+            Some(_) => &self.mixed_viscosity,
+        };
         match self.dimension {
-            2 => self.find_viscosity::<2, VISCOUS_2D, { ViscositySums::<2>::COUNT }>(&flow),
-            _ => self.find_viscosity::<3, VISCOUS_3D, { ViscositySums::<3>::COUNT }>(&flow),
+            2 => self.short_waves.find::<2>(bonds, &flow, viscosity),
+            _ => self.short_waves.find::<3>(bonds, &flow, viscosity),
         }
     }
 
     fn set_pressure(&mut self, pressure: &[f64], _force: Option<&[Vector3<f64>]>) {
-        self.load_scalar(0, pressure);
+        self.slots
+            .pressure
+            .load(&self.family, pressure, Mirrored::Scalar);
     }
 
     fn advance_density(
@@ -396,17 +356,18 @@ impl Rates for Projection {
         pressure: &mut [f64],
     ) -> Result<(), SolverError> {
         match self.dimension {
-            2 => self.find_excess::<2, VOLUME_2D, CARRY_2D>(terms, density),
-            _ => self.find_excess::<3, VOLUME_3D, CARRY_3D>(terms, density),
+            2 => self.find_excess::<2, VOLUME_2D, CARRY_2D, SUMS_2D>(terms, density),
+            _ => self.find_excess::<3, VOLUME_3D, CARRY_3D, SUMS_3D>(terms, density),
         }
         let bonds = PressureBonds {
             family: &self.family,
             laplacian: 2.0 * self.inverse(),
-            density: &self.fields[1],
+            density: &self.slots.density,
         };
         let tolerance = self.divergence(terms);
         self.iterations = self.solver.solve(bonds, &self.excess, tolerance)?;
-        let points = pressure.iter_mut().zip(&self.solver.surplus);
+        let points = pressure.par_iter_mut().zip(&self.solver.surplus);
+        let points = points.with_min_len(POINTS_PER_TASK);
         points.for_each(|(p, surplus)| *p -= surplus / terms.dt);
         Ok(())
     }
