@@ -63,6 +63,8 @@ impl FluidRun {
         };
         let this = setup.body(body);
         let is_periodic = this.periodic[..this.dimension].iter().all(|p| *p);
+        // a pressure that is found to a tolerance keeps momentum to that tolerance
+        let is_balanced = (is_periodic || !has_faces) && !keys.is_incompressible();
         let is_partly_periodic = this.periodic.contains(&true);
         let keeps_angular_momentum =
             !has_faces && !is_partly_periodic && keys.keeps_angular_momentum();
@@ -80,7 +82,7 @@ impl FluidRun {
             slots: vec![SlotField::default(); this.dimension],
             steps: 0,
             initial_mass: 0.0,
-            momentum: (is_periodic || !has_faces).then(|| MomentumAccount {
+            momentum: is_balanced.then(|| MomentumAccount {
                 balanced: Balanced {
                     dimension: this.dimension,
                     angular: keeps_angular_momentum,
