@@ -38,6 +38,14 @@ impl Part {
         }
     }
 
+    /// A key whose value messages name in words.
+    pub(crate) fn named(key: &'static str, text: &str) -> Part {
+        Part {
+            key: Some(key),
+            text: text.into(),
+        }
+    }
+
     /// What other tables of the case decide, in words.
     pub(crate) fn elsewhere(text: &str) -> Part {
         Part {
@@ -110,10 +118,14 @@ impl Misfit {
         }
     }
 
-    /// The parts in which the nearest choices differ, except for one.
+    /// The parts in which the nearest choices differ, except for one; all others where they differ in that one only.
     fn others(&self, except: Option<usize>) -> String {
-        let others = self.differing.iter().filter(|n| Some(**n) != except);
-        let others: Vec<&str> = others.map(|n| &self.parts[*n].text[..]).collect();
+        let differing = self.differing.iter().copied();
+        let mut others: Vec<usize> = differing.filter(|n| Some(*n) != except).collect();
+        if others.is_empty() {
+            others.extend((0..self.parts.len()).filter(|n| Some(*n) != except));
+        }
+        let others: Vec<&str> = others.iter().map(|n| &self.parts[*n].text[..]).collect();
         others.join(" and ")
     }
 

@@ -8,12 +8,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::advection::Convection;
+use crate::dependent_keys::need;
 
+use super::eulerian::projection::pair::Interface;
 use super::lagrangian::collision::Collisions;
 use super::state::StateLaw;
 use super::viscosity::ViscositySweep;
 
-/// Weakly compressible laminar flow; owns `velocity`, `density` and `pressure`. `thermal` computes heat.
+/// Laminar flow, weakly compressible or incompressible; owns `velocity`, `density` and `pressure`. `thermal` computes heat.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fluid {
@@ -34,8 +36,17 @@ pub struct Fluid {
     /// conservative form.
     #[serde(default)]
     pub influence: Option<Influence>,
-    /// Equation of state, such as `state.tait = { sound_speed = 20 }`: how the pressure follows from the flow.
+    /// How the pressure follows from the flow: an equation of state, such as `state.tait = { sound_speed = 20 }`, or
+    /// `state.incompressible = {}`.
     pub state: Law<dyn StateLaw>,
+    /// Materials of two fluids that share the points of a fluid that keeps its volume, such as `["steel", "argon"]`: the field
+    /// `fluid_fraction` is 1 in the first and 0 in the second. It begins with the materials of the points; a formula of the
+    /// distance from the interface, `initial.fluid_fraction = "1 / (1 + exp(-d / length))"`, is smoother.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fluids: Option<Vec<String>>,
+    /// The interface between two fluids.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interface: Option<Interface>,
     /// Law of viscosity; when left out `newtonian`, by the property `viscosity` of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viscosity: Option<Law<dyn ViscositySweep>>,
@@ -51,17 +62,18 @@ pub struct Fluid {
     #[schemars(extend("default" = "incompressible"))]
     pub stress: Option<Stress>,
     /// Order of the parts of a step.
-    #[serde(default)]
-    pub scheme: Scheme,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "symplectic"))]
+    pub scheme: Option<Scheme>,
     /// Stabilisation of the convective terms of an Eulerian fluid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = "hybrid"))]
     pub convection: Option<Convection>,
     /// Diffusion of density, as a fraction of spacing times speed of sound, such as 0.05: smooths the
     /// pressure, with an error of second order in pressure gradients that change.
-    #[serde(default)]
-    #[schemars(extend("minimum" = 0))]
-    pub density_diffusion: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 0.0, "minimum" = 0))]
+    pub density_diffusion: Option<f64>,
     /// Rate at which the density of the conservative form approaches the kernel sum of the masses, as a fraction of
     /// the speed of sound over the spacing. It keeps the volume over long times; larger values add noise where points
     /// are in disorder.
@@ -94,9 +106,9 @@ pub struct Fluid {
     /// Viscosity between points that approach each other, as a fraction of 1.2 spacings times the speed of sound,
     /// such as 0.02 (Gao (2020), eq. 6.56, as an acceleration). It damps sound and impacts, and also shear,
     /// by about a tenth of it in two dimensions.
-    #[serde(default)]
-    #[schemars(extend("minimum" = 0))]
-    pub artificial_viscosity: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 0.0, "minimum" = 0))]
+    pub artificial_viscosity: Option<f64>,
     /// Number of steps after which velocity and density are smoothed by moving least squares, such as 20 (Gao (2020),
     /// eqs. 5.111 to 5.114, with the volumes that eq. 5.114c lacks); 0: never. Linear fields do not change; each smoothing
     /// acts as a diffusion by about a tenth of the squared horizon.
@@ -104,9 +116,9 @@ pub struct Fluid {
     #[schemars(extend("default" = 0))]
     pub smoothing: Option<u32>,
     /// Time during which accelerations grow smoothly from zero, s (Gao (2020), eq. 5.110).
-    #[serde(default)]
-    #[schemars(extend("minimum" = 0))]
-    pub startup: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 0.0, "minimum" = 0))]
+    pub startup: Option<f64>,
     /// Step in s, or "auto".
     #[serde(default)]
     pub step: StepSize,
@@ -178,16 +190,22 @@ impl Fluid {
         let state = &self.state;
         state.law.check().map_err(|e| e.below(&state.key()))?;
         let numbers = [
-            ("density_diffusion", Some(self.density_diffusion)),
-            ("startup", Some(self.startup)),
+            ("density_diffusion", self.density_diffusion),
+            ("startup", self.startup),
             ("shifting", self.shifting),
             ("volume_relaxation", self.volume_relaxation),
             ("xsph", self.xsph),
-            ("artificial_viscosity", Some(self.artificial_viscosity)),
+            ("artificial_viscosity", self.artificial_viscosity),
         ];
         for (key, value) in numbers {
             check_at_least(key, value, 0.0, "")?;
         }
+        need(
+            self.fluids.is_some() || self.interface.is_none(),
+            "interface",
+            "there is one fluid, which has no interface",
+            "`fluids` with two materials of the body, or no `interface`",
+        )?;
         if let Some(distance) = self.least_distance.filter(|d| !(0.0..1.0).contains(d)) {
             let message = format!("`least_distance` is {distance}");
             let expected = "a number from 0 to below 1, such as 0.5";

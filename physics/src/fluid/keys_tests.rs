@@ -219,6 +219,62 @@ fn the_message_follows_from_the_keys_of_other_fluids() {
     }
 }
 
+/// A fluid that keeps its volume rests on points at rest, in the conservative form, and has no keys of sound.
+#[test]
+fn keys_of_sound_do_not_work_without_sound() {
+    let water = water(2);
+    let fault = |table: &str| {
+        let fluid: Fluid = read(&format!("state.incompressible = {{}}\n{table}"));
+        let found = fluid.check_numbers(&water).and_then(|()| fluid.take_keys());
+        found.err().map(|e| (e.key.clone(), e.to_string()))
+    };
+    assert_eq!(fault(EULER), None);
+    assert_eq!(
+        fault(&format!(
+            "{EULER}\nscheme = 'symplectic'\nconvection = 'central'"
+        )),
+        None
+    );
+    for (table, at_fault, expected) in [
+        ("interface = {}", "interface", "`fluids`"),
+        (
+            "",
+            "state",
+            "does not work with `description = \"updated_lagrangian\"` and `form = \"differences\"`",
+        ),
+        (FOLLOWING, "description", "`description = \"eulerian\"`"),
+        (
+            &format!("{EULER}\ndensity_diffusion = 0.1"),
+            "density_diffusion",
+            "no `density_diffusion`",
+        ),
+        (
+            &format!("{EULER}\nartificial_viscosity = 0.1"),
+            "artificial_viscosity",
+            "a `state` with sound",
+        ),
+        (
+            &format!("{EULER}\nstartup = 0.1"),
+            "startup",
+            "a `state` with sound",
+        ),
+        (
+            &format!("{EULER}\nsmoothing = 20"),
+            "smoothing",
+            "a `state` with sound",
+        ),
+        (
+            &format!("{EULER}\nscheme = 'kick_drift_kick'"),
+            "scheme",
+            "a `state` with sound",
+        ),
+    ] {
+        let (key, message) = fault(table).expect("a mistake");
+        assert_eq!(key, at_fault, "{message}");
+        assert!(message.contains(expected), "{message}");
+    }
+}
+
 #[test]
 fn laws_of_the_shear_rate_need_forces_that_balance_and_points_that_do_not_follow_walls() {
     #[derive(serde::Deserialize)]

@@ -8,16 +8,15 @@ use perimelt_core::{Description, SetupError};
 use crate::advection::Convection;
 use crate::dependent_keys::{Choice, Part, take_keys};
 
-use super::keys::{Fluid, Form, Stress, Surface};
+use super::eulerian::projection::ProjectionKeys;
+use super::keys::{Fluid, Form, Scheme, Stress, Surface};
 use super::lagrangian::collision::Collisions;
+use super::run::StepSettings;
 
 /// Keys that depend on description and form. A combination that makes no sense cannot be written.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct FluidKeys {
-    /// Number of steps after which velocity and density are smoothed; 0: never.
-    pub(super) smoothing: u32,
-    /// Whether points at free surfaces have no pressure.
-    pub(super) zero_surface_pressure: bool,
+    pub(super) settings: StepSettings,
     pub(super) points: PointKeys,
 }
 
@@ -56,6 +55,8 @@ pub(super) enum EulerianForm {
     Resting,
     /// Conservative, at points that follow the walls.
     FollowingWalls,
+    /// Conservative, at points at rest, of a fluid that keeps its volume.
+    Projection(ProjectionKeys),
 }
 
 /// Keys of the form with derivatives of second order.
@@ -99,7 +100,7 @@ impl FluidKeys {
 
     /// Whether surfaces without a wall are allowed.
     pub(super) fn may_have_free_surface(&self) -> bool {
-        self.is_conservative() || self.zero_surface_pressure
+        !self.is_incompressible() && (self.is_conservative() || self.settings.zero_surface_pressure)
     }
 
     /// Keys of the conservative form at points that move.
@@ -115,7 +116,8 @@ impl FluidKeys {
         match &self.points {
             PointKeys::Lagrangian(LagrangianKeys::Conservative(arrangement, keys)) => {
                 let moves_by_velocity = arrangement.xsph == 0.0 && arrangement.shifting == 0.0;
-                let is_smoothed = self.smoothing > 0 || self.zero_surface_pressure;
+                let is_smoothed =
+                    self.settings.smoothing > 0 || self.settings.zero_surface_pressure;
                 keys.is_central && moves_by_velocity && !is_smoothed
             }
             _ => false,
@@ -128,6 +130,8 @@ impl FluidKeys {
 struct FluidChoice {
     description: Description,
     form: Form,
+    /// Whether the fluid keeps its volume.
+    is_incompressible: bool,
 }
 
 impl Choice for FluidChoice {
@@ -139,14 +143,25 @@ impl Choice for FluidChoice {
             Description::ArbitraryLagrangianEulerian,
         ];
         let forms = [Form::Differences, Form::Conservative];
-        let with = move |description| forms.map(|form| FluidChoice { description, form });
-        descriptions.into_iter().flat_map(with)
+        let with = move |description| forms.map(|form| (description, form));
+        let all = descriptions.into_iter().flat_map(with);
+        all.flat_map(|(description, form)| {
+            [false, true].map(|is_incompressible| FluidChoice {
+                description,
+                form,
+                is_incompressible,
+            })
+        })
     }
 
     fn parts(self) -> Vec<Part> {
         vec![
             Part::key("description", &self.description),
             Part::key("form", &self.form),
+            match self.is_incompressible {
+                false => Part::named("state", "a `state` with sound, such as `state.tait`"),
+                true => Part::named("state", "`state.incompressible`"),
+            },
         ]
     }
 }
@@ -157,12 +172,14 @@ impl Fluid {
         let choice = FluidChoice {
             description: self.description,
             form: self.form,
+            is_incompressible: self.state.law.incompressible().is_some(),
         };
         take_keys(self, choice, Fluid::take)
     }
 
     fn take(&mut self, choice: FluidChoice) -> Option<FluidKeys> {
         let points = match (choice.description, choice.form) {
+            _ if choice.is_incompressible => self.take_projection(choice)?,
             (Description::TotalLagrangian, Form::Differences) => {
                 PointKeys::Lagrangian(LagrangianKeys::Total(self.take_differences()))
             }
@@ -198,23 +215,56 @@ impl Fluid {
             | (Description::ArbitraryLagrangianEulerian, Form::Differences) => return None,
         };
         let mut keys = FluidKeys {
-            smoothing: 0,
-            zero_surface_pressure: false,
+            settings: StepSettings::default(),
             points,
         };
+        if choice.is_incompressible {
+            self.take_natural();
+            return Some(keys);
+        }
+        self.take_sound(&mut keys.settings);
         // the volumes of points that follow walls change, which smoothing does not know
         if choice.description != Description::ArbitraryLagrangianEulerian {
-            keys.smoothing = self.smoothing.take().unwrap_or(0);
+            keys.settings.smoothing = self.smoothing.take().unwrap_or(0);
         }
         let carries_mass = matches!(points, PointKeys::Lagrangian(_));
         if carries_mass || !keys.is_conservative() {
             let zero = self.surface.take_if(|s| *s == Surface::ZeroPressure);
-            keys.zero_surface_pressure = zero.is_some();
+            keys.settings.zero_surface_pressure = zero.is_some();
         }
+        self.take_natural();
+        Some(keys)
+    }
+
+    /// Takes what every fluid may say.
+    fn take_natural(&mut self) {
         self.surface.take_if(|surface| *surface == Surface::Natural);
         self.stress
             .take_if(|stress| *stress == Stress::Incompressible);
-        Some(keys)
+        self.scheme.take_if(|scheme| *scheme == Scheme::Symplectic);
+    }
+
+    /// Takes the keys of a fluid with sound.
+    fn take_sound(&mut self, settings: &mut StepSettings) {
+        settings.scheme = self.scheme.take().unwrap_or_default();
+        settings.density_diffusion = self.density_diffusion.take().unwrap_or(0.0);
+        settings.artificial_viscosity = self.artificial_viscosity.take().unwrap_or(0.0);
+        settings.startup = self.startup.take().unwrap_or(0.0);
+    }
+
+    fn take_projection(&mut self, choice: FluidChoice) -> Option<PointKeys> {
+        if (choice.description, choice.form) != (Description::Eulerian, Form::Conservative) {
+            return None;
+        }
+        self.fluids.take();
+        self.interface.take();
+        let keys = ProjectionKeys {
+            tolerance: self.state.law.incompressible().unwrap_or_default(),
+        };
+        Some(PointKeys::Eulerian(EulerianKeys {
+            convection: self.convection.take().unwrap_or_default(),
+            form: EulerianForm::Projection(keys),
+        }))
     }
 
     fn take_differences(&mut self) -> DifferencesKeys {

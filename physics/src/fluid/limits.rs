@@ -1,10 +1,12 @@
 //! Limits of a run: the largest stable step, values that are no longer a flow, and how far walls may move.
 
 use nalgebra::Vector3;
+use perimelt_core::family::LayerRule;
 use perimelt_core::{Read, RunError, World, keys};
 
 use super::eulerian::immersed::LARGEST_DISPLACEMENT;
 use super::eulerian::point_motion::LEAST_DISTORTION;
+use super::eulerian::projection::Projection;
 use super::points::Points;
 use super::rates::Stability;
 use super::run::FluidRun;
@@ -38,6 +40,18 @@ struct PointsFold {
     place: [f64; 3],
 }
 
+/// A fraction of the first of two fluids is outside of 0 to 1.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the initial `fluid_fraction` is {fraction} at {place:?} m; expected 0 in the second fluid, 1 in the first, and values between \
+     them in a layer"
+)]
+struct FractionOutside {
+    fraction: f64,
+    /// m.
+    place: [f64; 3],
+}
+
 impl FluidRun {
     /// A point whose velocity or density (`field`), of which the `largest` value is given, is no longer that of a flow.
     pub(super) fn point_beyond_limits(
@@ -56,6 +70,18 @@ impl FluidRun {
         let is_beyond = field == keys::DENSITY.name && largest > limit;
         let density: Read<f64> = self.fields.density.into();
         is_beyond.then(|| world.first_beyond(density, limit))?
+    }
+
+    /// Largest step (s) of a fluid that keeps its volume.
+    fn step_of(&self, projection: &Projection, world: &World) -> f64 {
+        let velocity = world.read::<Vector3<f64>>(self.fields.velocity.into());
+        let rules = world.layer_rules(self.fields.velocity_layers);
+        let of_face = |rule: &LayerRule| 0.5 * Vector3::from(rule.offset).norm();
+        let walls = rules.iter().map(of_face).fold(0.0, f64::max);
+        let (medium, material) = (&self.medium, &world.body(self.body).material_of_point);
+        let points = medium.reference_density.iter().zip(material);
+        let diffusivity = points.map(|(rho, &m)| medium.viscosity.largest(m) / rho);
+        projection.stable_step(&velocity, walls, diffusivity.fold(0.0, f64::max))
     }
 
     /// Refuses to go on where walls have moved too far for points that rest or follow them.
@@ -95,11 +121,33 @@ impl FluidRun {
         }
     }
 
+    /// Refuses a fraction of the first of two fluids outside of 0 to 1.
+    pub(super) fn check_fraction(&self, world: &World) -> Result<(), RunError> {
+        let Some(fraction) = self.fields.fraction else {
+            return Ok(());
+        };
+        let fraction = world.read::<f64>(fraction.into());
+        match fraction.iter().position(|c| !(0.0..=1.0).contains(c)) {
+            None => Ok(()),
+            Some(point) => Err(RunError::Plugin {
+                plugin: "fluid".into(),
+                time: 0.0,
+                cause: Box::new(FractionOutside {
+                    fraction: fraction[point],
+                    place: world.body(self.body).points.position[point].into(),
+                }),
+            }),
+        }
+    }
+
     /// Largest step (s) for which sound and viscosity are stable (docs/theory/fluids.md, "Largest step"), for speeds up
     /// to a tenth of that of sound: with the frequency `w = kappa c` of sound and the rate `r = 2 S (nu + D)` of viscosity and
     /// density diffusion, a symplectic step is stable for `dt^2 w^2 + 2 dt r < 4`. In an Eulerian fluid `w` is
     /// `kappa (c + |v|)`; convection in the middle of the step has no limit of its own.
     pub(super) fn find_stable_step(&self, world: &World) -> f64 {
+        if let Some(projection) = self.points.projection() {
+            return self.step_of(projection, world);
+        }
         let (medium, settings) = (&self.medium, self.settings);
         let Stability {
             wave_number,

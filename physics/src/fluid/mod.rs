@@ -1,4 +1,4 @@
-//! Laminar flow of a weakly compressible Newtonian fluid, by the peridynamic differential operator.
+//! Laminar flow of a fluid, weakly compressible or incompressible, by sums over bonds.
 //!
 //! ```text
 //! D rho/Dt = -rho div v                                               Gao (2020), eqs. 5.22 to 5.27
@@ -34,7 +34,10 @@
 //! hundredth of `rho0 c^2`. A pressure that alternates from point to point has no gradient in this operator;
 //! `density_diffusion` removes it.
 //!
-//! Not for: turbulence, surface tension.
+//! A fluid that keeps its volume has no sound: its pressure follows from the condition that nothing accumulates anywhere. Two such
+//! fluids may share the points, with surface tension between them.
+//!
+//! Not for: turbulence.
 
 mod boundaries;
 mod differences;
@@ -63,13 +66,15 @@ pub mod viscosity;
 mod walls;
 
 pub use crate::advection::Convection;
+pub use eulerian::projection::pair::Interface;
+pub(crate) use eulerian::projection::pair::TwoFluids;
 pub use keys::{Fluid, Form, Scheme, Stress, Surface};
 pub use lagrangian::collision::Collisions;
 pub use perimelt_core::Description;
 
 use perimelt_core::{
-    Balance, LoadError, PddoError, Physics, PhysicsReport, Prepared, RunError, RunningPhysics,
-    SavedState, Setup, SetupError, Step, Stepping, Work, World,
+    Balance, LoadError, Physics, PhysicsReport, Prepared, RunError, RunningPhysics, SavedState,
+    Setup, SetupError, Step, Stepping, Work, World,
 };
 use serde::{Deserialize, Serialize};
 
@@ -77,6 +82,7 @@ use crate::momentum::Momentum;
 use points::{Points, SavedPoints};
 use rates::Stability;
 use run::{FluidRun, MomentumAccount};
+use step::Cause;
 
 /// Steps after which the stable step of points that move is found again.
 const STEPS_BETWEEN_LIMITS: u64 = 64;
@@ -85,6 +91,9 @@ const STEPS_BETWEEN_LIMITS: u64 = 64;
 impl Physics for Fluid {
     fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        if self.fluids.is_some() {
+            setup.publish(body, TwoFluids)?;
+        }
         setup.publish(body, self.description)
     }
 
@@ -103,6 +112,11 @@ impl RunningPhysics for FluidRun {
     /// Density from the pressure at the start.
     fn start(&mut self, world: &World) -> Result<(), RunError> {
         self.complete_state(world);
+        self.check_fraction(world)?;
+        self.set_fluxes(world);
+        if let Some(projection) = self.points.projection_mut() {
+            projection.weigh(&world.body(self.body).points.volume);
+        }
         self.initial_mass = self.mass(world);
         if let Some(MomentumAccount { balanced, .. }) = self.momentum {
             self.momentum = Some(MomentumAccount {
@@ -111,7 +125,8 @@ impl RunningPhysics for FluidRun {
                 given: Momentum::default(),
             });
         }
-        self.set_configuration(world).map_err(|e| failed(e, 0.0))?;
+        let set = self.set_configuration(world);
+        set.map_err(|e| failed(e.into(), 0.0))?;
         if let Points::Lagrangian(_) = self.points {
             self.points.follow_walls(world, self.body, 0.0);
             self.update_stability();
@@ -137,7 +152,7 @@ impl RunningPhysics for FluidRun {
         }
         done.map_err(|e| failed(e, step.end()))?;
         self.check_walls(world, step.end())?;
-        Ok(Work::of_stages(1))
+        Ok(self.work())
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {
@@ -171,6 +186,7 @@ impl RunningPhysics for FluidRun {
         self.stability = saved.stability;
         self.stable_step = None;
         self.points.load(saved.points)?;
+        self.set_fluxes(world);
         self.set_configuration(world)
             .map_err(serde::de::Error::custom)
     }
@@ -186,10 +202,10 @@ struct SavedFluid {
     points: SavedPoints,
 }
 
-fn failed(cause: PddoError, time: f64) -> RunError {
+fn failed(cause: Cause, time: f64) -> RunError {
     RunError::Plugin {
         plugin: "fluid".into(),
         time,
-        cause: cause.into(),
+        cause,
     }
 }

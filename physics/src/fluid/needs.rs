@@ -41,6 +41,14 @@ impl FluidKeys {
         }
     }
 
+    /// Whether the fluid keeps its volume.
+    pub(super) fn is_incompressible(&self) -> bool {
+        match self.points {
+            PointKeys::Eulerian(keys) => matches!(keys.form, EulerianForm::Projection(_)),
+            PointKeys::Lagrangian(_) => false,
+        }
+    }
+
     /// Refuses a law of viscosity that does not fit these keys.
     pub(super) fn check_viscosity(&self, viscosity: &Viscosity) -> Result<(), SetupError> {
         need(
@@ -66,6 +74,12 @@ impl FluidKeys {
             .is_some_and(|keys| keys.collisions.is_some());
         let has_walls = !walls.is_empty();
         need(
+            !has_walls || !self.is_incompressible(),
+            "state",
+            "a body is a wall of this fluid, which needs a fluid with sound",
+            "a `state` with sound, such as `state.tait`",
+        )?;
+        need(
             has_walls || !follows,
             "description",
             "no body is a wall of this fluid, so that its points have nothing to follow",
@@ -84,7 +98,7 @@ impl FluidKeys {
             "a coupler `fluid_structure`, or no `collisions`",
         )?;
         need(
-            !has_walls || !self.zero_surface_pressure,
+            !has_walls || !self.settings.zero_surface_pressure,
             "surface",
             "the condition of zero pressure would also act at the wall",
             "`surface = \"natural\"` or `\"closed\"`",

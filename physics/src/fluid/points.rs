@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 use crate::advection::Convection;
 use crate::shape_tensor::CompleteFamily;
 
+use super::eulerian::projection::Projection;
+use super::eulerian::projection::pair::FluidPair;
 use super::eulerian::{EulerianPoints, SavedEulerian};
 use super::lagrangian::{LagrangianPoints, SavedLagrangian};
 use super::rates::{Rates, Stability};
@@ -28,6 +30,8 @@ pub(super) struct Surroundings {
     pub(super) family: FamilyHandle,
     pub(super) complete: CompleteFamily,
     pub(super) walls: Walls,
+    /// The two fluids, where there are two.
+    pub(super) pair: Option<FluidPair>,
 }
 
 /// State of the points that is saved with checkpoints.
@@ -64,6 +68,21 @@ impl Points {
         match self {
             Points::Lagrangian(points) => points.walls_mut(),
             Points::Eulerian(points) => points.walls_mut(),
+        }
+    }
+
+    /// The flow of a fluid that keeps its volume.
+    pub(super) fn projection(&self) -> Option<&Projection> {
+        match self {
+            Points::Lagrangian(_) => None,
+            Points::Eulerian(points) => points.projection(),
+        }
+    }
+
+    pub(super) fn projection_mut(&mut self) -> Option<&mut Projection> {
+        match self {
+            Points::Lagrangian(_) => None,
+            Points::Eulerian(points) => points.projection_mut(),
         }
     }
 

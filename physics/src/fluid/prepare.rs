@@ -2,21 +2,24 @@
 
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Access, Body, Face, FamilySpec, Influence, Pddo, Setup, SetupError, SlotField, World, keys,
+    Access, Body, Face, FamilySpec, Influence, Pddo, Setup, SetupError, SlotField, World, Write,
+    keys,
 };
 
 use crate::advection::usual_horizon;
 use crate::momentum::{Balanced, Momentum};
 use crate::shape_tensor::CompleteFamily;
 
-use super::boundaries::{check_closed, check_faces};
+use super::boundaries::{Otherwise, check_closed, check_faces};
 use super::eulerian::EulerianPoints;
+use super::eulerian::projection::pair::{FLUID_FRACTION, FluidPair, PairKeys};
+use super::eulerian::projection::phase::InterfaceReport;
 use super::keys::Fluid;
 use super::kinds::{FluidKeys, PointKeys};
 use super::lagrangian::LagrangianPoints;
 use super::medium::Medium;
 use super::points::{Points, Surroundings};
-use super::run::{FluidFields, FluidRun, FluidTemperature, MomentumAccount, StepSettings};
+use super::run::{FluidFields, FluidRun, FluidTemperature, MomentumAccount};
 use super::treatments::Treatments;
 use super::viscosity::Viscosity;
 use super::walls::Walls;
@@ -27,12 +30,16 @@ impl FluidRun {
         fluid.check_numbers(setup.body(body))?;
         let keys = fluid.take_keys()?;
         keys.check_body(setup.body(body))?;
+        let pair = prepare_pair(&fluid, setup, body)?;
         let layers = setup.layers(body, &keys::VELOCITY);
         let (faces, layers) = (layers.faces(), layers.handle);
         check_surfaces(&keys, setup, body, &faces)?;
         let medium = prepare_medium(&mut fluid, setup, body)?;
         keys.check_viscosity(&medium.viscosity)?;
-        let fields = FluidFields::declare(setup, body, &medium, layers)?;
+        let mut fields = FluidFields::declare(setup, body, &medium, layers)?;
+        if let Some(pair) = pair {
+            fields.fraction = Some(declare_fraction(setup, body, pair)?);
+        }
         let has_faces = !faces.is_empty();
         let spec = family_spec(&fluid, &keys, setup.body(body), faces);
         let walls = Walls::prepare(setup, body, &spec)?;
@@ -44,6 +51,7 @@ impl FluidRun {
             family,
             complete,
             walls,
+            pair,
         };
         let points = match keys.points {
             PointKeys::Lagrangian(keys) => {
@@ -55,6 +63,8 @@ impl FluidRun {
         };
         let this = setup.body(body);
         let is_periodic = this.periodic[..this.dimension].iter().all(|p| *p);
+        // a pressure that is found to a tolerance keeps momentum to that tolerance
+        let is_balanced = (is_periodic || !has_faces) && !keys.is_incompressible();
         let is_partly_periodic = this.periodic.contains(&true);
         let keeps_angular_momentum =
             !has_faces && !is_partly_periodic && keys.keeps_angular_momentum();
@@ -62,14 +72,7 @@ impl FluidRun {
         Ok(FluidRun {
             body,
             fields,
-            settings: StepSettings {
-                scheme: fluid.scheme,
-                density_diffusion: fluid.density_diffusion,
-                artificial_viscosity: fluid.artificial_viscosity,
-                startup: fluid.startup,
-                smoothing: keys.smoothing,
-                zero_surface_pressure: keys.zero_surface_pressure,
-            },
+            settings: keys.settings,
             medium,
             points,
             initial_stability: stability,
@@ -79,7 +82,7 @@ impl FluidRun {
             slots: vec![SlotField::default(); this.dimension],
             steps: 0,
             initial_mass: 0.0,
-            momentum: (is_periodic || !has_faces).then(|| MomentumAccount {
+            momentum: is_balanced.then(|| MomentumAccount {
                 balanced: Balanced {
                     dimension: this.dimension,
                     angular: keeps_angular_momentum,
@@ -87,6 +90,7 @@ impl FluidRun {
                 initial: Momentum::default(),
                 given: Momentum::default(),
             }),
+            interface: pair.map(|_| InterfaceReport::default()),
             kinetic_energy: 0.0,
             density_deviation: 0.0,
         })
@@ -99,6 +103,13 @@ impl FluidRun {
         let medium = &self.medium;
         let points = density.iter_mut().zip(&*pressure).enumerate();
         points.for_each(|(i, (rho, &p))| *rho = medium.density(i, p));
+        if let (Some(fraction), Some(projection)) = (self.fields.fraction, self.points.projection())
+            && let Some(pair) = projection.pair()
+        {
+            let fraction = world.read::<f64>(fraction.into());
+            let points = density.iter_mut().zip(&*fraction);
+            points.for_each(|(rho, c)| *rho = pair.density_of(*c));
+        }
         if let Points::Lagrangian(points) = &mut self.points {
             points.weigh(&density, &world.body(self.body).points.volume);
         }
@@ -116,6 +127,7 @@ impl FluidFields {
             velocity: setup.own(body, &keys::VELOCITY)?,
             density: setup.own(body, &keys::DENSITY)?,
             pressure: setup.own(body, &keys::PRESSURE)?,
+            fraction: None,
             body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
             velocity_layers,
             temperature: match medium.viscosity.depends_on_temperature() {
@@ -133,6 +145,36 @@ impl FluidFields {
     }
 }
 
+/// The two fluids of a body, where there are two.
+fn prepare_pair(
+    fluid: &Fluid,
+    setup: &Setup<'_>,
+    body: BodyIndex,
+) -> Result<Option<FluidPair>, SetupError> {
+    let Some(fluids) = &fluid.fluids else {
+        return Ok(None);
+    };
+    let keys = PairKeys {
+        fluids,
+        interface: fluid.interface.unwrap_or_default(),
+        viscosity: fluid.viscosity.as_ref(),
+    };
+    FluidPair::prepare(keys, setup, body).map(Some)
+}
+
+/// The fraction of the first of two fluids, which begins with the materials of the points.
+fn declare_fraction(
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+    pair: FluidPair,
+) -> Result<Write<f64>, SetupError> {
+    let fraction = setup.own(body, &FLUID_FRACTION)?;
+    let material = setup.body(body).material_of_point.clone();
+    let is_first = |point: usize| material[point] == pair.material[0];
+    setup.set_first(fraction, |point| if is_first(point) { 1.0 } else { 0.0 });
+    Ok(fraction)
+}
+
 /// Refuses surfaces without a wall where families must be complete, and open faces of a closed container.
 fn check_surfaces(
     keys: &FluidKeys,
@@ -141,7 +183,17 @@ fn check_surfaces(
     faces: &[Face],
 ) -> Result<(), SetupError> {
     if !keys.may_have_free_surface() {
-        check_closed(setup, body, faces)?;
+        let otherwise = match keys.is_incompressible() {
+            false => Otherwise {
+                key: "form",
+                setting: "`form = \"conservative\"`",
+            },
+            true => Otherwise {
+                key: "state",
+                setting: "a `state` with sound, such as `state.tait`",
+            },
+        };
+        check_closed(setup, body, faces, otherwise)?;
     }
     if keys.conservative().is_some_and(|keys| keys.is_closed) {
         let otherwise = "another `surface` than \"closed\"";

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
+use perimelt_core::solver::SolverError;
 use perimelt_core::{Family, SlotField};
 use rayon::prelude::*;
 
@@ -128,7 +129,15 @@ pub(super) trait Rates: std::fmt::Debug {
     fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>);
 
     /// Advances density and pressure by the step.
-    fn advance_density(&mut self, terms: &Terms<'_>, density: &mut [f64], pressure: &mut [f64]);
+    ///
+    /// # Errors
+    /// When no pressure is found.
+    fn advance_density(
+        &mut self,
+        terms: &Terms<'_>,
+        density: &mut [f64],
+        pressure: &mut [f64],
+    ) -> Result<(), SolverError>;
 
     /// Advances the velocity by a time (s), after velocity and pressure are set.
     fn advance_velocity(

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::{Balance, Report, World};
 
+use super::eulerian::projection::phase::InterfaceReport;
 use super::run::FluidRun;
 use super::walls::Walls;
 use crate::momentum::balances;
@@ -13,6 +14,15 @@ impl FluidRun {
     pub(super) fn balances(&self, world: &World) -> Vec<Balance> {
         let mass = Balance::new("mass", "kg", self.mass(world), self.initial_mass, 0.0);
         let mut all = vec![mass.of_size(self.initial_mass)];
+        let volume = &world.body(self.body).points.volume;
+        let first = self
+            .points
+            .projection()
+            .and_then(|p| p.first_volumes(volume));
+        if let Some([now, initial]) = first {
+            let balance = Balance::new("first_fluid.volume", "m3", now, initial, 0.0);
+            all.push(balance.of_size(initial));
+        }
         if let Some(account) = &self.momentum {
             let now = self.momentum_now(world, account.balanced);
             let (initial, given) = (&account.initial, &account.given);
@@ -26,6 +36,7 @@ impl FluidRun {
             Report::new("energy.kinetic", "J", self.kinetic_energy),
             Report::new("density.deviation", "1", self.density_deviation),
         ];
+        all.extend(self.interface.iter().flat_map(InterfaceReport::reports));
         all.extend(self.points.walls().into_iter().flat_map(Walls::reports));
         all
     }
@@ -36,6 +47,9 @@ impl FluidRun {
             walls.observe(world, self.body);
         }
         let velocity = world.read::<Vector3<f64>>(self.fields.velocity.into());
+        if let Some(projection) = self.points.projection_mut() {
+            self.interface = projection.measure(world.body(self.body), &velocity);
+        }
         let density = world.read::<f64>(self.fields.density.into());
         let square: Vec<f64> = velocity.iter().map(Vector3::norm_squared).collect();
         let mass = self.masses(world, &density);

@@ -4,9 +4,10 @@ use nalgebra::Vector3;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::solver::reduce::sum;
 use perimelt_core::world::{BodyIndex, LayersHandle};
-use perimelt_core::{PddoError, Read, SlotField, World, Write};
+use perimelt_core::{PddoError, Read, SlotField, Work, World, Write};
 use serde::{Deserialize, Serialize};
 
+use super::eulerian::projection::phase::InterfaceReport;
 use super::keys::Scheme;
 use super::medium::Medium;
 use super::points::Points;
@@ -35,6 +36,8 @@ pub(super) struct FluidRun {
     pub(super) initial_mass: f64,
     /// Account of the momentum where no face takes any.
     pub(super) momentum: Option<MomentumAccount>,
+    /// Interface between two fluids.
+    pub(super) interface: Option<InterfaceReport>,
     /// J.
     pub(super) kinetic_energy: f64,
     /// Largest `|rho/rho0 - 1|`.
@@ -62,6 +65,8 @@ pub(super) struct FluidFields {
     pub(super) velocity: Write<Vector3<f64>>,
     pub(super) density: Write<f64>,
     pub(super) pressure: Write<f64>,
+    /// Fraction of the first of two fluids.
+    pub(super) fraction: Option<Write<f64>>,
     pub(super) body_force: Option<Read<Vector3<f64>>>,
     pub(super) velocity_layers: LayersHandle,
     /// Temperature, where the viscosity depends on it.
@@ -78,7 +83,7 @@ pub(super) struct FluidTemperature {
 }
 
 /// Keys of a step that every fluid has.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct StepSettings {
     pub(super) scheme: Scheme,
     pub(super) density_diffusion: f64,
@@ -135,6 +140,30 @@ impl FluidRun {
             now.angular_size = sum(|x, v| Vector3::repeat(x.norm() * v.norm()));
         }
         now
+    }
+
+    /// Sets what the fluxes of the last step follow from, where these are kept from step to step.
+    pub(super) fn set_fluxes(&mut self, world: &World) {
+        if let Some(projection) = self.points.projection_mut() {
+            if let Some(fraction) = self.fields.fraction {
+                projection.set_fraction(&world.read::<f64>(fraction.into()));
+            }
+            let velocity = world.read::<Vector3<f64>>(self.fields.velocity.into());
+            let density = world.read::<f64>(self.fields.density.into());
+            let pressure = world.read::<f64>(self.fields.pressure.into());
+            projection.set_fluxes(&velocity, &density, &pressure);
+        }
+    }
+
+    /// What the last step cost.
+    pub(super) fn work(&self) -> Work {
+        match self.points.projection() {
+            Some(projection) => Work {
+                iterations: projection.iterations(),
+                evaluations: 1 + projection.iterations(),
+            },
+            None => Work::of_stages(1),
+        }
     }
 
     /// Sets the configuration to where displacement and density say that the points are.

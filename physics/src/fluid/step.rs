@@ -10,7 +10,8 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::{ByRules, Curved, LayerRule};
-use perimelt_core::{PddoError, SlotField, Step, World};
+use perimelt_core::solver::SolverError;
+use perimelt_core::{SlotField, Step, World};
 
 use super::keys::Scheme;
 use super::lagrangian::MotionStep;
@@ -18,6 +19,9 @@ use super::points::Points;
 use super::rates::Terms;
 use super::run::{FluidRun, FluidTemperature, StepSettings};
 use super::treatments::{Around, Treatments};
+
+/// Why a step fails.
+pub(super) type Cause = Box<dyn std::error::Error + Send + Sync>;
 
 /// Fields of the flow during a step.
 struct Flow<'a> {
@@ -37,15 +41,19 @@ struct Advance<'a> {
 }
 
 impl FluidRun {
-    pub(super) fn take_step(&mut self, world: &World, step: Step) -> Result<(), PddoError> {
+    pub(super) fn take_step(&mut self, world: &World, step: Step) -> Result<(), Cause> {
         self.set_viscosity(world);
         self.points.follow_walls(world, self.body, step.size);
-        self.advance_flow(world, step);
+        self.advance_flow(world, step)?;
+        self.write_fraction(world);
         self.steps += 1;
         self.smooth(world);
         self.move_points(world, step.size);
         self.count_momentum(world, step);
-        self.set_configuration(world)
+        if self.points.projection().is_some() {
+            self.stable_step = None;
+        }
+        Ok(self.set_configuration(world)?)
     }
 
     /// Evaluates a viscosity that depends on the flow or the temperature at the start of the step.
@@ -67,7 +75,14 @@ impl FluidRun {
         self.points.rates_mut().set_viscosity(&self.medium);
     }
 
-    fn advance_flow(&mut self, world: &World, step: Step) {
+    fn write_fraction(&self, world: &World) {
+        if let (Some(fraction), Some(projection)) = (self.fields.fraction, self.points.projection())
+        {
+            projection.copy_fraction(&mut world.write(fraction));
+        }
+    }
+
+    fn advance_flow(&mut self, world: &World, step: Step) -> Result<(), Cause> {
         let fields = &self.fields;
         let mut velocity = world.write(fields.velocity);
         let mut density = world.write(fields.density);
@@ -102,13 +117,14 @@ impl FluidRun {
         if self.settings.artificial_viscosity > 0.0 {
             advance.artificial_viscosity(&mut flow);
         }
-        advance.flow(world, &mut flow);
+        advance.flow(world, &mut flow)?;
         match &self.points {
             Points::Lagrangian(points) => {
                 points.take_up_impulses(world, self.body, &mut velocity);
             }
-            Points::Eulerian(points) => points.write_mass_flux(world),
+            Points::Eulerian(points) => points.write_mass_flux(world, &velocity, &density),
         }
+        Ok(())
     }
 
     /// Smooths velocity and density in every n-th step.
@@ -210,7 +226,7 @@ impl Advance<'_> {
     }
 
     /// Advances density, pressure and velocity.
-    fn flow(&mut self, world: &World, flow: &mut Flow<'_>) {
+    fn flow(&mut self, world: &World, flow: &mut Flow<'_>) -> Result<(), SolverError> {
         let (dt, force) = (self.terms.dt, self.terms.force);
         let scheme = self.settings.scheme;
         let (first, last) = match scheme {
@@ -225,7 +241,7 @@ impl Advance<'_> {
             self.set_velocity(flow);
         }
         let rates = self.points.rates_mut();
-        rates.advance_density(&self.terms, flow.density, flow.pressure);
+        rates.advance_density(&self.terms, flow.density, flow.pressure)?;
         if let Points::Lagrangian(points) = &self.points {
             points.fill_container(self.terms.medium, flow.density, flow.pressure);
         }
@@ -241,6 +257,7 @@ impl Advance<'_> {
             self.points.rates_mut().set_pressure(flow.pressure, force);
         }
         self.kick(last, world, flow);
+        Ok(())
     }
 
     /// Advances the velocity by a time (s), and gives the walls the opposite of what they do.

@@ -26,6 +26,7 @@ use super::refined::Refined;
 use super::run::{Cracks, HeatAccount, RunningThermal};
 use super::surface::Surface;
 use super::surface_depth;
+use crate::fluid::TwoFluids;
 
 /// The state of a heat physics, and the sinks that it consumes where a plugin adds into them.
 #[derive(Clone, Copy, Debug)]
@@ -90,6 +91,7 @@ impl RunningThermal {
         setup: &mut Setup<'_>,
     ) -> Result<RunningThermal, SetupError> {
         let body = setup.find_body(thermal.body.as_deref())?;
+        check_one_fluid(setup, body)?;
         let description = setup.world().description(body);
         let horizon = thermal.horizon_of(setup.body(body), description);
         horizon.check(setup.body(body))?;
@@ -172,6 +174,17 @@ impl RunningThermal {
 
 /// Publishes the distances of the surface from the outermost points, and collects the exchanges of the surface.
 /// `has_conductance`: other bodies exchange heat through the surface.
+/// Refuses a body through which two fluids flow.
+fn check_one_fluid(setup: &Setup<'_>, body: BodyIndex) -> Result<(), SetupError> {
+    let two = setup.facts::<TwoFluids>(body);
+    need(
+        two.count() == 0,
+        "body",
+        "two fluids flow through the body, whose heat is not computed",
+        "a body of one fluid, or no `thermal`",
+    )
+}
+
 fn prepare_surface(
     setup: &mut Setup<'_>,
     body: BodyIndex,

@@ -1,6 +1,7 @@
 //! Rates by derivatives of second order at points through which the fluid flows.
 
 use nalgebra::Vector3;
+use perimelt_core::solver::SolverError;
 use perimelt_core::{Family, SlotField};
 use rayon::prelude::*;
 
@@ -103,9 +104,15 @@ impl Rates for EulerianDifferences {
         self.core.set_pressure(pressure, force);
     }
 
-    fn advance_density(&mut self, terms: &Terms<'_>, density: &mut [f64], pressure: &mut [f64]) {
+    fn advance_density(
+        &mut self,
+        terms: &Terms<'_>,
+        density: &mut [f64],
+        pressure: &mut [f64],
+    ) -> Result<(), SolverError> {
         let carried = |i, _| self.carried.mass.divergence[i];
         self.core.advance_density(terms, density, pressure, carried);
+        Ok(())
     }
 
     fn advance_velocity(

@@ -5,6 +5,7 @@ mod differences;
 pub(super) mod fluxes;
 pub(super) mod immersed;
 pub(super) mod point_motion;
+pub(super) mod projection;
 
 use nalgebra::Vector3;
 use perimelt_core::plugin::check_length;
@@ -23,6 +24,7 @@ pub(super) use carried_flow::CarriedFlow;
 use differences::EulerianDifferences;
 use fluxes::{FluxDomain, Fluxes};
 use point_motion::PointMotion;
+use projection::{Projection, ProjectionDomain, ProjectionState};
 
 /// Points through which the fluid flows.
 #[derive(Debug)]
@@ -37,6 +39,8 @@ pub(super) struct EulerianPoints {
 enum EulerianRates {
     Differences(Box<EulerianDifferences>),
     Fluxes(Box<Fluxes>),
+    /// Of a fluid that keeps its volume.
+    Projection(Box<Projection>),
 }
 
 /// Where the points are, with the field that tells it to others.
@@ -48,14 +52,18 @@ enum Place {
     FollowingWalls { displacement: Write<Vector3<f64>> },
 }
 
-/// State of points through which the fluid flows; empty in the form of differences.
+/// State of points through which the fluid flows, by form of the equations.
 #[derive(Serialize, Deserialize)]
-pub(super) struct SavedEulerian {
-    /// Volume of the fluid at each point over that of its cell.
-    fullness: Vec<f64>,
-    /// Displacement of the cells of points that follow walls, m.
-    displacement: Vec<Vector3<f64>>,
-    walls: Vec<WallMotion>,
+pub(super) enum SavedEulerian {
+    Differences,
+    Fluxes {
+        /// Volume of the fluid at each point over that of its cell.
+        fullness: Vec<f64>,
+        /// Displacement of the cells of points that follow walls, m.
+        displacement: Option<Vec<Vector3<f64>>>,
+        walls: Vec<WallMotion>,
+    },
+    Projection(ProjectionState),
 }
 
 impl EulerianPoints {
@@ -69,9 +77,11 @@ impl EulerianPoints {
             EulerianForm::FollowingWalls => Place::FollowingWalls {
                 displacement: setup.own(body, &keys::DISPLACEMENT)?,
             },
-            EulerianForm::Differences(_) | EulerianForm::Resting => Place::Resting {
-                mass_flux: setup.own(body, &keys::MASS_FLUX)?,
-            },
+            EulerianForm::Differences(_) | EulerianForm::Resting | EulerianForm::Projection(_) => {
+                Place::Resting {
+                    mass_flux: setup.own(body, &keys::MASS_FLUX)?,
+                }
+            }
         };
         setup.publish(body, FlowFamily(around.family))?;
         let family = setup.world().family(around.family);
@@ -81,6 +91,15 @@ impl EulerianPoints {
                 let core = Differences::prepare(keys, setup.body(body), family)?;
                 let rates = EulerianDifferences::new(core, convection);
                 EulerianRates::Differences(Box::new(rates))
+            }
+            EulerianForm::Projection(keys) => {
+                let domain = ProjectionDomain {
+                    family,
+                    complete: around.complete,
+                    pair: around.pair,
+                };
+                let rates = Projection::new(keys, convection, setup.body(body), domain);
+                EulerianRates::Projection(Box::new(rates))
             }
             EulerianForm::Resting | EulerianForm::FollowingWalls => {
                 let walls = &mut around.walls;
@@ -113,6 +132,7 @@ impl EulerianPoints {
         match &self.form {
             EulerianRates::Differences(rates) => &**rates,
             EulerianRates::Fluxes(rates) => &**rates,
+            EulerianRates::Projection(rates) => &**rates,
         }
     }
 
@@ -120,20 +140,35 @@ impl EulerianPoints {
         match &mut self.form {
             EulerianRates::Differences(rates) => &mut **rates,
             EulerianRates::Fluxes(rates) => &mut **rates,
+            EulerianRates::Projection(rates) => &mut **rates,
         }
     }
 
     fn fluxes(&self) -> Option<&Fluxes> {
         match &self.form {
-            EulerianRates::Differences(_) => None,
             EulerianRates::Fluxes(rates) => Some(rates),
+            EulerianRates::Differences(_) | EulerianRates::Projection(_) => None,
         }
     }
 
     fn fluxes_mut(&mut self) -> Option<&mut Fluxes> {
         match &mut self.form {
-            EulerianRates::Differences(_) => None,
             EulerianRates::Fluxes(rates) => Some(rates),
+            EulerianRates::Differences(_) | EulerianRates::Projection(_) => None,
+        }
+    }
+
+    pub(super) fn projection(&self) -> Option<&Projection> {
+        match &self.form {
+            EulerianRates::Projection(rates) => Some(rates),
+            EulerianRates::Differences(_) | EulerianRates::Fluxes(_) => None,
+        }
+    }
+
+    pub(super) fn projection_mut(&mut self) -> Option<&mut Projection> {
+        match &mut self.form {
+            EulerianRates::Projection(rates) => Some(rates),
+            EulerianRates::Differences(_) | EulerianRates::Fluxes(_) => None,
         }
     }
 
@@ -171,12 +206,21 @@ impl EulerianPoints {
     }
 
     /// Writes the flux of mass through points at rest.
-    pub(super) fn write_mass_flux(&self, world: &World) {
+    pub(super) fn write_mass_flux(
+        &self,
+        world: &World,
+        velocity: &[Vector3<f64>],
+        density: &[f64],
+    ) {
         if let Place::Resting { mass_flux } = self.place {
             let mut flux = world.write(mass_flux);
             match &self.form {
                 EulerianRates::Differences(rates) => rates.mass_flux(&mut flux),
                 EulerianRates::Fluxes(rates) => rates.mass_flux(&mut flux),
+                EulerianRates::Projection(_) => {
+                    let points = flux.iter_mut().zip(velocity).zip(density);
+                    points.for_each(|((flux, v), rho)| *flux = *rho * v);
+                }
             }
         }
     }
@@ -197,26 +241,44 @@ impl EulerianPoints {
     }
 
     pub(super) fn save(&self) -> SavedEulerian {
-        let cells = self.motion().map(|motion| motion.state().clone());
-        SavedEulerian {
-            fullness: self.fluxes().map_or_else(Vec::new, |f| f.fullness.clone()),
-            displacement: cells.unwrap_or_default(),
-            walls: self.walls().map_or_else(Vec::new, Walls::motions),
+        match &self.form {
+            EulerianRates::Differences(_) => SavedEulerian::Differences,
+            EulerianRates::Fluxes(rates) => SavedEulerian::Fluxes {
+                fullness: rates.fullness.clone(),
+                displacement: rates.motion.as_ref().map(|motion| motion.state().clone()),
+                walls: rates.walls.motions(),
+            },
+            EulerianRates::Projection(rates) => SavedEulerian::Projection(rates.state().clone()),
         }
     }
 
     pub(super) fn load(&mut self, saved: SavedEulerian) -> Result<(), erased_serde::Error> {
-        let Some(rates) = self.fluxes_mut() else {
-            return Ok(());
-        };
-        check_length("fullness", saved.fullness.len(), rates.fullness.len())?;
-        rates.fullness = saved.fullness;
-        rates.walls.set_motions(saved.walls);
-        if let Some(motion) = &mut rates.motion {
-            let (found, expected) = (saved.displacement.len(), motion.state().len());
-            check_length("displacements", found, expected)?;
-            motion.set_state(saved.displacement);
+        match (&mut self.form, saved) {
+            (EulerianRates::Differences(_), SavedEulerian::Differences) => Ok(()),
+            (EulerianRates::Projection(rates), SavedEulerian::Projection(state)) => {
+                rates.load(state)
+            }
+            (
+                EulerianRates::Fluxes(rates),
+                SavedEulerian::Fluxes {
+                    fullness,
+                    displacement,
+                    walls,
+                },
+            ) => {
+                check_length("fullness", fullness.len(), rates.fullness.len())?;
+                rates.fullness = fullness;
+                rates.walls.set_motions(walls);
+                if let (Some(motion), Some(displacement)) = (&mut rates.motion, displacement) {
+                    let (found, expected) = (displacement.len(), motion.state().len());
+                    check_length("displacements", found, expected)?;
+                    motion.set_state(displacement);
+                }
+                Ok(())
+            }
+            _ => Err(serde::de::Error::custom(
+                "the saved fluid has another form of the equations",
+            )),
         }
-        Ok(())
     }
 }

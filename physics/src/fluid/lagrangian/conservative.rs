@@ -28,6 +28,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::family::{Mirrored, Rising};
 use perimelt_core::pddo::largest_wave_number;
+use perimelt_core::solver::SolverError;
 use perimelt_core::{Body, BondKernel, Family, SlotField, World};
 use rayon::prelude::*;
 
@@ -359,7 +360,12 @@ impl Rates for Conservative {
         }
     }
 
-    fn advance_density(&mut self, terms: &Terms<'_>, density: &mut [f64], pressure: &mut [f64]) {
+    fn advance_density(
+        &mut self,
+        terms: &Terms<'_>,
+        density: &mut [f64],
+        pressure: &mut [f64],
+    ) -> Result<(), SolverError> {
         let medium = terms.medium;
         let points = density.par_iter_mut().zip(pressure).zip(&self.surveyed);
         let points = points.enumerate().with_min_len(POINTS_PER_TASK);
@@ -375,6 +381,7 @@ impl Rates for Conservative {
             rate += self.keys.volume_relaxation * sound * before * found.crowding;
             medium.change_density(i, before + terms.dt * rate, rho, p);
         });
+        Ok(())
     }
 
     fn advance_velocity(

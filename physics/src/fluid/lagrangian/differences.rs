@@ -1,6 +1,7 @@
 //! Rates by derivatives of second order at points that carry their mass.
 
 use nalgebra::Vector3;
+use perimelt_core::solver::SolverError;
 use perimelt_core::{Family, PddoError, SlotField};
 use rayon::prelude::*;
 
@@ -69,9 +70,15 @@ impl Rates for LagrangianDifferences {
         self.core.set_pressure(pressure, force);
     }
 
-    fn advance_density(&mut self, terms: &Terms<'_>, density: &mut [f64], pressure: &mut [f64]) {
+    fn advance_density(
+        &mut self,
+        terms: &Terms<'_>,
+        density: &mut [f64],
+        pressure: &mut [f64],
+    ) -> Result<(), SolverError> {
         let carried = |i, rho| rho * self.flux.divergence[i];
         self.core.advance_density(terms, density, pressure, carried);
+        Ok(())
     }
 
     fn advance_velocity(

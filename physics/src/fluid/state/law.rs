@@ -21,7 +21,7 @@ pub struct DensityChange {
     pub reference: f64,
 }
 
-/// An equation of state: the pressure of a weakly compressible fluid. The law implements `Clone` and `Serialize`.
+/// An equation of state: how the pressure follows from the flow. The law implements `Clone` and `Serialize`.
 pub trait StateLaw: CopyState + Debug + Send + Sync + erased_serde::Serialize {
     /// Checks the keys.
     ///
@@ -36,6 +36,12 @@ pub trait StateLaw: CopyState + Debug + Send + Sync + erased_serde::Serialize {
 
     /// Density (kg/m³) of a fluid that was brought from its reference density to a pressure (Pa).
     fn density(&self, pressure: f64, reference: f64) -> f64;
+
+    /// Tolerance of the divergence, over largest speed by spacing, of a fluid that keeps its volume; `None` where sound carries the
+    /// pressure.
+    fn incompressible(&self) -> Option<f64> {
+        None
+    }
 
     /// Speed of sound (m/s), the largest for which the law is meant: the stable step follows from it.
     fn sound_speed(&self, reference: f64) -> f64;

@@ -1,9 +1,11 @@
-//! Equations of state: the pressure of a weakly compressible fluid, by a law ([`StateLaw`]).
+//! Equations of state: how the pressure of a fluid follows from its flow, by a law ([`StateLaw`]).
 
+mod incompressible;
 mod law;
 mod rate;
 mod tait;
 
+pub use incompressible::Incompressible;
 pub use law::{CopyState, DensityChange, FACTS, StateLaw, StateRegistration};
 pub use rate::Rate;
 pub use tait::Tait;
@@ -101,11 +103,17 @@ mod tests {
         assert!((rate.pressure(change(4.0, 5.0, 7.0, 77.0)) - 507.0).abs() < 1e-10);
         assert!((rate.density(500.0, 4.0) - 5.0).abs() < 1e-12);
         assert_eq!(rate.sound_speed(5.0), 20.0);
+        let still: Box<dyn StateLaw> = Box::new(Incompressible { tolerance: 0.01 });
+        assert_eq!(still.pressure(change(4.0, 5.0, 7.0, 77.0)), 7.0);
+        assert_eq!(still.density(500.0, 4.0), 4.0);
+        assert_eq!(still.incompressible(), Some(0.01));
+        assert_eq!(rate.incompressible(), None);
     }
 
     #[test]
     fn numbers_of_a_state_are_positive() {
         let rate = |bulk_modulus| -> Box<dyn StateLaw> { Box::new(Rate { bulk_modulus }) };
+        let still = |tolerance| -> Box<dyn StateLaw> { Box::new(Incompressible { tolerance }) };
         let tait = |exponent| -> Box<dyn StateLaw> { Box::new(tait(exponent)) };
         let sound = |sound_speed| -> Box<dyn StateLaw> {
             Box::new(Tait {
@@ -124,6 +132,9 @@ mod tests {
             (sound(f64::INFINITY), Some("sound_speed")),
             (rate(0.0), Some("bulk_modulus")),
             (rate(-1.0), Some("bulk_modulus")),
+            (still(1e-6), None),
+            (still(0.0), Some("tolerance")),
+            (still(f64::NAN), Some("tolerance")),
         ] {
             let found = state.check().err().map(|e| e.key);
             assert_eq!(found.as_deref(), at_fault, "{state:?}");

@@ -21,16 +21,16 @@ pub(crate) struct ViscosityInputs<const D: usize>;
 impl<const D: usize> ViscosityInputs<D> {
     pub(crate) const VISCOSITY: usize = D;
     pub(crate) const STRETCH: usize = Self::VISCOSITY + 1;
-    pub(super) const PLAIN: usize = Self::STRETCH;
+    pub(in crate::fluid::eulerian) const PLAIN: usize = Self::STRETCH;
     pub(super) const MAPPED: usize = Self::STRETCH + components(D);
 }
 
 /// Where the sums of [`Viscosity`] begin: force, work.
-pub(super) struct ViscositySums<const D: usize>;
+pub(in crate::fluid::eulerian) struct ViscositySums<const D: usize>;
 
 impl<const D: usize> ViscositySums<D> {
-    pub(super) const WORK: usize = D;
-    pub(super) const COUNT: usize = Self::WORK + 1;
+    pub(in crate::fluid::eulerian) const WORK: usize = D;
+    pub(in crate::fluid::eulerian) const COUNT: usize = Self::WORK + 1;
 }
 
 /// `sum_j N_ij`, from `m + D s` and density.
@@ -78,9 +78,9 @@ impl<const D: usize, const I: usize> BondKernel<I, D> for In<D, Carry> {
 }
 
 /// Force and work of viscosity, from velocity and viscosity; for the viscosity of bonds see [`of_bond`].
-pub(super) struct Viscosity<const D: usize, const IN_SERIES: bool> {
+pub(in crate::fluid::eulerian) struct Viscosity<const D: usize, const IN_SERIES: bool> {
     /// `2 / a`, 1/m.
-    pub(super) laplacian: f64,
+    pub(in crate::fluid::eulerian) laplacian: f64,
 }
 
 impl<const D: usize, const I: usize, const O: usize, const IN_SERIES: bool> BondKernel<I, O>

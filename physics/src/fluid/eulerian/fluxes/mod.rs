@@ -24,18 +24,20 @@ pub(super) mod kernels;
 mod mass;
 mod momentum;
 mod motion;
+pub(super) mod short_waves;
 
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 use perimelt_core::family::Rising;
 use perimelt_core::pddo::largest_wave_number;
+use perimelt_core::solver::SolverError;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Body, Family, SlotField, World};
 use rayon::prelude::*;
 
 use kernels::{FlowInputs, MappedViscosity, Outflow, Viscosity, ViscosityInputs, ViscositySums};
-use momentum::ShortWaveWork;
+use short_waves::{DecayingWaves, FlowBonds};
 
 use crate::advection::Convection;
 use crate::shape_tensor::CompleteFamily;
@@ -47,12 +49,11 @@ use crate::fluid::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
 use crate::fluid::walls::Walls;
 
 /// Rate of the Laplacian at walls over that of a complete family: values behind them are extrapolated.
-const AT_WALLS: f64 = 1.5;
+pub(super) const AT_WALLS: f64 = 1.5;
 
 /// Rates of the conservative form at points at rest.
 #[derive(Debug)]
 pub(super) struct Fluxes {
-    convection: Convection,
     dimension: usize,
     family: Arc<Family>,
     complete: CompleteFamily,
@@ -81,12 +82,11 @@ pub(super) struct Fluxes {
     middle_density: Vec<f64>,
     middle_velocity: Vec<Vector3<f64>>,
     /// Rows of the sums, one for each point: force of viscosity (N/m³) and friction (W/m³), force of the pressure (N/m³),
-    /// momentum that flows out (N/m³), decay of short waves (N/m³).
+    /// momentum that flows out (N/m³).
     diffusion: Vec<f64>,
     push: Vec<f64>,
     carried: Vec<f64>,
-    short_waves: Vec<f64>,
-    short_wave_work: ShortWaveWork,
+    short_waves: DecayingWaves,
 }
 
 const OUTFLOW_2D: usize = FlowInputs::<2>::OUTFLOW;
@@ -120,7 +120,6 @@ impl Fluxes {
         } = domain;
         let (dimension, points) = (body.dimension, body.points.len());
         Fluxes {
-            convection,
             dimension,
             slot: (0..points).map(|i| family.slot_of(i) as u32).collect(),
             fullness: vec![1.0; points],
@@ -142,8 +141,7 @@ impl Fluxes {
             diffusion: Vec::new(),
             push: Vec::new(),
             carried: Vec::new(),
-            short_waves: Vec::new(),
-            short_wave_work: ShortWaveWork::new(dimension),
+            short_waves: DecayingWaves::new(convection, dimension),
         }
     }
 
@@ -199,7 +197,7 @@ impl Fluxes {
         let [outflow] = self.outflow[i];
         let mut acceleration = Vector3::zeros();
         for a in 0..d {
-            let short = self.short_waves.get(i * d + a).copied().unwrap_or(0.0);
+            let short = self.short_waves.rate(i, a);
             let force = self.push[i * d + a] + self.diffusion[i * (d + 1) + a] + short;
             let carried = velocity[a] * outflow - self.carried[i * d + a];
             acceleration[a] = (force + carried) / mass + terms.body_acceleration(i, a);
@@ -210,11 +208,11 @@ impl Fluxes {
 
 /// The flow as last set.
 pub(super) struct FlowNow<'a> {
-    terms: &'a Terms<'a>,
+    pub(super) terms: &'a Terms<'a>,
     /// Components by slot, m/s.
-    velocity: &'a [SlotField],
+    pub(super) velocity: &'a [SlotField],
     /// By point, kg/m³.
-    density: &'a [f64],
+    pub(super) density: &'a [f64],
 }
 
 impl Fluxes {
@@ -374,13 +372,18 @@ impl Rates for Fluxes {
                 self.find_viscosity::<3, MAPPED_3D, VISCOUS_3D>(kernel, &flow);
             }
         }
+        let bonds = FlowBonds {
+            family: &self.family,
+            complete: &self.complete,
+            slot: &self.slot,
+        };
         match self.dimension {
             2 => {
-                self.find_short_waves::<2>(&flow);
+                (self.short_waves).find::<2>(bonds, &flow, &terms.medium.viscosity.value);
                 self.find_mass::<2, OUTFLOW_2D>(&flow);
             }
             _ => {
-                self.find_short_waves::<3>(&flow);
+                (self.short_waves).find::<3>(bonds, &flow, &terms.medium.viscosity.value);
                 self.find_mass::<3, OUTFLOW_3D>(&flow);
             }
         }
@@ -405,7 +408,12 @@ impl Rates for Fluxes {
         }
     }
 
-    fn advance_density(&mut self, terms: &Terms<'_>, density: &mut [f64], pressure: &mut [f64]) {
+    fn advance_density(
+        &mut self,
+        terms: &Terms<'_>,
+        density: &mut [f64],
+        pressure: &mut [f64],
+    ) -> Result<(), SolverError> {
         let volumes = self.fullness.par_iter_mut().zip(&self.swept);
         let volumes = volumes.zip(&self.outflow);
         let points = density.par_iter_mut().zip(pressure).zip(volumes);
@@ -416,6 +424,7 @@ impl Rates for Fluxes {
             let after = (*rho * before - terms.dt * outflow) / *fullness;
             terms.medium.change_density(i, after, rho, p);
         });
+        Ok(())
     }
 
     fn advance_velocity(

@@ -1,37 +1,13 @@
 //! Forces of pressure and viscosity, and the momentum that the flux of mass carries.
 
 use nalgebra::Vector3;
-use perimelt_core::family::{ByRules, LayerRule};
+use perimelt_core::family::ByRules;
 use perimelt_core::{BondKernel, SlotField, World};
 use rayon::prelude::*;
-
-use crate::advection::Laplacian;
 
 use super::kernels::{Carry, FlowInputs, In, Push, ViscosityInputs};
 use super::{FlowNow, Fluxes};
 use crate::fluid::rates::{POINTS_PER_TASK, Terms};
-
-/// What the decay of short waves needs on the way.
-#[derive(Debug)]
-pub(super) struct ShortWaveWork {
-    /// By point, kg m/s: diffusivity that short waves lack, times density over the sum of the weights of the Laplacian.
-    missing: Vec<f64>,
-    /// Rows of points, one for each component, and the same by slot: momentum of the short waves.
-    rows: Vec<f64>,
-    slots: Vec<SlotField>,
-    rules: Vec<LayerRule>,
-}
-
-impl ShortWaveWork {
-    pub(super) fn new(dimension: usize) -> Self {
-        ShortWaveWork {
-            missing: Vec::new(),
-            rows: Vec::new(),
-            slots: vec![SlotField::default(); dimension],
-            rules: Vec::new(),
-        }
-    }
-}
 
 impl Fluxes {
     /// Finds force and work of viscosity.
@@ -62,49 +38,6 @@ impl Fluxes {
         drop(flow);
         walls.add_viscosity::<D, I, O>(&kernel, sums);
         (self.diffusion, self.walls) = (rows, walls);
-    }
-
-    /// Finds the decay of short waves of the velocity; the same in all directions, as [`crate::fluid::eulerian::carried_flow`] has it.
-    pub(super) fn find_short_waves<const D: usize>(&mut self, flow: &FlowNow<'_>) {
-        let FlowNow {
-            terms,
-            velocity,
-            density,
-        } = *flow;
-        self.short_waves.clear();
-        let (convection, medium) = (self.convection, terms.medium);
-        let laplacian = 2.0 * self.inverse();
-        let sum = laplacian * self.complete.content;
-        let missing = |i: usize| {
-            let slot = self.slot[i] as usize;
-            let square: f64 = velocity.iter().map(|v| v[slot] * v[slot]).sum();
-            let diffusivity = medium.viscosity.value[i] / density[i];
-            let (speed, spacing) = (square.sqrt(), medium.spacing[i]);
-            density[i] * convection.missing_diffusivity(speed, spacing, sum, diffusivity) / sum
-        };
-        let points = (0..self.points()).into_par_iter();
-        let points = points.with_min_len(POINTS_PER_TASK).map(missing);
-        let work = &mut self.short_wave_work;
-        points.collect_into_vec(&mut work.missing);
-        if work.missing.iter().all(|m| *m == 0.0) {
-            return;
-        }
-        let kernel = Laplacian { laplacian };
-        let inputs: [&[f64]; D] = std::array::from_fn(|a| &velocity[a][..]);
-        work.rows.resize(self.slot.len() * D, 0.0);
-        let (sums, _) = work.rows.as_chunks_mut::<D>();
-        self.family.sum(&kernel, inputs, sums);
-        work.rules.clear();
-        work.rules
-            .extend(terms.rules.iter().map(LayerRule::homogeneous));
-        for (axis, slots) in work.slots.iter_mut().enumerate() {
-            let along = |point: usize| -work.missing[point] * sums[point][axis];
-            slots.load(&self.family, along, ByRules(&work.rules, axis));
-        }
-        let inputs: [&[f64]; D] = std::array::from_fn(|a| &work.slots[a][..]);
-        self.short_waves.resize(self.slot.len() * D, 0.0);
-        let (sums, _) = self.short_waves.as_chunks_mut::<D>();
-        self.family.sum(&kernel, inputs, sums);
     }
 
     /// Finds the momentum that flows out of each point with this velocity (m/s).

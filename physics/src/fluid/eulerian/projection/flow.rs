@@ -1,0 +1,251 @@
+//! Sums of a step: viscosity, what the fluxes carry, the prediction, and the acceleration along the bonds.
+
+use nalgebra::Vector3;
+use perimelt_core::family::{ByRules, Mirrored};
+use perimelt_core::{BondKernel, SlotField};
+use rayon::prelude::*;
+
+use super::Projection;
+use super::kernels::{Carry, JumpSums, JumpingViscosity, Layer, Push, Volume};
+use super::phase::Phase;
+use crate::fluid::eulerian::fluxes::FlowNow;
+use crate::fluid::eulerian::fluxes::kernels::Viscosity;
+use crate::fluid::rates::{POINTS_PER_TASK, Terms};
+
+impl Projection {
+    pub(super) fn inverse(&self) -> f64 {
+        1.0 / self.complete.moment
+    }
+
+    pub(super) fn volume<const D: usize>(&self, step: f64) -> Volume<D> {
+        Volume {
+            inverse: self.inverse(),
+            twice: 2.0 * step,
+        }
+    }
+
+    pub(super) fn inputs<const I: usize>(&self) -> [&[f64]; I] {
+        let mut all = self.slots.all();
+        std::array::from_fn(|_| all.next().map_or(&[][..], |slots| &slots[..]))
+    }
+
+    /// Copies the state to slots.
+    pub(super) fn load_state(&mut self) {
+        let state = &self.state;
+        for (axis, slots) in self.slots.acceleration.iter_mut().enumerate() {
+            let along = |i: usize| state.acceleration[i][axis];
+            slots.load(&self.family, along, Mirrored::Scalar);
+        }
+        for (axis, slots) in self.slots.predicted.iter_mut().enumerate() {
+            let along = |i: usize| state.predicted[i][axis];
+            slots.load(&self.family, along, Mirrored::Vector(axis));
+        }
+    }
+
+    /// Finds where the interface lies, for these densities (kg/m³).
+    pub(super) fn find_interface(&mut self, density: &[f64]) {
+        self.slots
+            .density
+            .load(&self.family, density, Mirrored::Scalar);
+        let inverse = self.inverse();
+        if let Some(phase) = &mut self.phase {
+            match self.dimension {
+                2 => phase.find::<2>(&self.family, self.spacing, inverse, &mut self.slots),
+                _ => phase.find::<3>(&self.family, self.spacing, inverse, &mut self.slots),
+            }
+        }
+    }
+
+    /// Finds force and work of the viscosity of one fluid.
+    pub(super) fn find_viscosity<
+        const D: usize,
+        const I: usize,
+        const O: usize,
+        const SERIES: bool,
+    >(
+        &mut self,
+        flow: &FlowNow<'_>,
+    ) {
+        let (sums, _) = self.diffusion.as_chunks_mut::<O>();
+        let kernel = Viscosity::<D, SERIES> {
+            laplacian: 2.0 / self.complete.moment,
+        };
+        let inputs = viscous_inputs::<I>(flow, &self.viscosity);
+        self.family.sum(&kernel, inputs, sums);
+    }
+
+    /// Finds force and work of viscosity where it jumps: `2 b mu_ij (v_j - v_i)` along bonds, and `(grad v) . grad mu`.
+    pub(super) fn find_jumping_viscosity<const D: usize, const I: usize, const O: usize>(
+        &mut self,
+        flow: &FlowNow<'_>,
+    ) where
+        JumpingViscosity: BondKernel<I, O>,
+    {
+        let kernel = JumpingViscosity {
+            inverse: self.inverse(),
+        };
+        self.jumps.resize(self.slot.len() * O, 0.0);
+        let (sums, _) = self.jumps.as_chunks_mut::<O>();
+        let inputs = viscous_inputs::<I>(flow, &self.viscosity);
+        self.family.sum(&kernel, inputs, sums);
+        let rows = self.diffusion.par_chunks_exact_mut(D + 1).zip(sums);
+        rows.with_min_len(POINTS_PER_TASK).for_each(|(row, sums)| {
+            row.copy_from_slice(&sums[..=D]);
+            for a in 0..D {
+                for b in 0..D {
+                    let slope = sums[JumpSums::<D>::SLOPES + D * a + b];
+                    row[a] += slope * sums[JumpSums::<D>::RISE + b];
+                }
+            }
+        });
+    }
+
+    /// How the layer between two fluids is kept thin in a flow of this largest speed (m/s).
+    pub(super) fn layer(&self, speed: f64) -> Layer {
+        self.phase
+            .as_ref()
+            .map_or_else(Layer::default, |phase| Layer {
+                mobility: phase.mobility(speed, self.spacing),
+                width: 2.0 * phase.pair.width * self.spacing,
+                jump: phase.pair.density[0] - phase.pair.density[1],
+            })
+    }
+
+    /// Finds what the fluxes of the last step carry away, with the velocity at the start or in the middle of the step.
+    pub(super) fn find_carried<const D: usize, const I: usize, const O: usize>(
+        &mut self,
+        terms: &Terms<'_>,
+        layer: Layer,
+        velocity: &[Vector3<f64>],
+    ) {
+        for (axis, slots) in self.slots.carried.iter_mut().enumerate() {
+            let along = |point: usize| velocity[point][axis];
+            slots.load(&self.family, along, ByRules(terms.rules, axis));
+        }
+        let mut rows = std::mem::take(&mut self.carried);
+        let (sums, _) = rows.as_chunks_mut::<O>();
+        let volume = self.volume::<D>(self.state.step);
+        let kernel = Carry { volume, layer };
+        self.family.sum(&kernel, self.inputs::<I>(), sums);
+        self.carried = rows;
+    }
+
+    /// Advances the fraction of the first fluid, and with it the density (kg/m³).
+    pub(super) fn advance_phase(&mut self, dt: f64, density: &mut [f64]) {
+        let Some(phase) = &mut self.phase else {
+            return;
+        };
+        let (d, pair) = (self.dimension, phase.pair);
+        let rows = self.carried.par_chunks_exact(d + 1);
+        let points = phase.fraction.par_iter_mut().zip(density).zip(rows);
+        let points = points.with_min_len(POINTS_PER_TASK);
+        points.for_each(|((c, rho), row)| {
+            *c -= dt * row[d];
+            *rho = pair.density_of(*c);
+        });
+    }
+
+    /// Acceleration by viscosity and by what the flow carries, m/s².
+    pub(super) fn acceleration(&self, i: usize, density: f64) -> Vector3<f64> {
+        let d = self.dimension;
+        let mut acceleration = Vector3::zeros();
+        for a in 0..d {
+            let viscous = self.diffusion[i * (d + 1) + a] + self.short_waves.rate(i, a);
+            acceleration[a] = (viscous - self.carried[i * (d + 1) + a]) / density;
+        }
+        acceleration
+    }
+
+    /// Finds the velocity in the middle of the step, with the acceleration of pressure and forces of the last step.
+    pub(super) fn find_middle(&mut self, dt: f64, density: &[f64]) {
+        let mut middle = std::mem::take(&mut self.middle);
+        let before = match self.state.step {
+            0.0 => 0.0,
+            step => 1.0 / step,
+        };
+        let points = middle.par_iter_mut().enumerate();
+        points
+            .with_min_len(POINTS_PER_TASK)
+            .for_each(|(i, middle)| {
+                let v = self.start[i];
+                let push = before * (v - self.state.predicted[i]);
+                *middle = v + 0.5 * dt * (push + self.acceleration(i, density[i]));
+            });
+        self.middle = middle;
+    }
+
+    /// Finds the velocity before the pressure acts, and the acceleration by forces.
+    pub(super) fn predict(&mut self, terms: &Terms<'_>, density: &[f64]) {
+        let mut state = std::mem::take(&mut self.state);
+        let points = state.predicted.par_iter_mut().zip(&mut state.acceleration);
+        let points = points.enumerate().with_min_len(POINTS_PER_TASK);
+        points.for_each(|(i, (predicted, acceleration))| {
+            *predicted = self.start[i] + terms.dt * self.acceleration(i, density[i]);
+            *acceleration = Vector3::zeros();
+            for a in 0..self.dimension {
+                acceleration[a] = terms.body_acceleration(i, a);
+            }
+        });
+        state.step = terms.dt;
+        self.state = state;
+        self.load_state();
+    }
+
+    /// Carries mass and momentum, predicts the velocity, and finds the volume that flows out of the points with the pressure of
+    /// the last step.
+    pub(super) fn find_excess<const D: usize, const V: usize, const C: usize, const O: usize>(
+        &mut self,
+        terms: &Terms<'_>,
+        density: &mut [f64],
+    ) {
+        let layer = self.layer(largest(&self.start));
+        let start = std::mem::take(&mut self.start);
+        self.find_carried::<D, C, O>(terms, layer, &start);
+        self.start = start;
+        self.advance_phase(terms.dt, density);
+        self.find_middle(terms.dt, density);
+        let middle = std::mem::take(&mut self.middle);
+        self.find_carried::<D, C, O>(terms, layer, &middle);
+        self.middle = middle;
+        self.find_interface(density);
+        self.predict(terms, density);
+        let mut excess = std::mem::take(&mut self.excess);
+        let kernel = self.volume::<D>(terms.dt);
+        self.family.sum(&kernel, self.inputs::<V>(), &mut excess);
+        self.excess = excess;
+    }
+
+    /// Divergence (1/s) up to which the pressure is found.
+    pub(super) fn divergence(&self, terms: &Terms<'_>) -> f64 {
+        let speed = largest(&self.state.predicted);
+        let gained = terms.dt * largest(&self.state.acceleration);
+        let tension = |phase: &Phase| phase.mobility(0.0, self.spacing);
+        let capillary = self.phase.as_ref().map_or(0.0, tension);
+        self.tolerance * speed.max(gained).max(capillary) / self.spacing
+    }
+
+    pub(super) fn find_push<const D: usize, const I: usize>(&mut self) {
+        let mut rows = std::mem::take(&mut self.push);
+        let (sums, _) = rows.as_chunks_mut::<D>();
+        let kernel = Push {
+            inverse: self.inverse(),
+        };
+        self.family.sum(&kernel, self.inputs::<I>(), sums);
+        self.push = rows;
+    }
+}
+
+/// Inputs of the kernels of viscosity.
+fn viscous_inputs<'a, const I: usize>(
+    flow: &FlowNow<'a>,
+    viscosity: &'a SlotField,
+) -> [&'a [f64]; I] {
+    std::array::from_fn(|i| flow.velocity.get(i).map_or(&viscosity[..], |v| &v[..]))
+}
+
+/// Largest length of a vector.
+pub(super) fn largest(vectors: &[Vector3<f64>]) -> f64 {
+    let vectors = vectors.par_iter().with_min_len(POINTS_PER_TASK);
+    let squares = vectors.map(Vector3::norm_squared);
+    squares.reduce(|| 0.0, f64::max).sqrt()
+}

@@ -1,0 +1,191 @@
+//! Two fluids of a body: their properties, and the tension between them.
+
+use std::f64::consts::PI;
+
+use perimelt_core::law::Law;
+use perimelt_core::numbers::{check_at_least, check_positive};
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Body, Fact, Key, Setup, SetupError};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::dependent_keys::need;
+use crate::fluid::viscosity::ViscositySweep;
+
+/// Fraction of the first of two fluids.
+pub(in crate::fluid) const FLUID_FRACTION: Key<f64> = Key::new(
+    "fluid_fraction",
+    "1",
+    "volume of the first of two fluids over that of the point",
+);
+
+/// The interface between two fluids.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Interface {
+    /// Length over which the fraction of a fluid changes, in spacings; across a plane interface it is
+    /// `1 / (1 + exp(-distance / length))`. With 0.6 a rising bubble is 4 % too slow; larger values cost resolution.
+    #[serde(default = "usual_width")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub width: f64,
+    /// Tension of the interface, N/m; when left out, the property `surface_tension` of the first fluid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
+    pub surface_tension: Option<f64>,
+}
+
+fn usual_width() -> f64 {
+    0.75
+}
+
+impl Default for Interface {
+    fn default() -> Self {
+        Interface {
+            width: usual_width(),
+            surface_tension: None,
+        }
+    }
+}
+
+/// Keys of two fluids.
+#[derive(Clone, Copy)]
+pub(in crate::fluid) struct PairKeys<'a> {
+    /// Names of their materials.
+    pub(in crate::fluid) fluids: &'a [String],
+    pub(in crate::fluid) interface: Interface,
+    pub(in crate::fluid) viscosity: Option<&'a Law<dyn ViscositySweep>>,
+}
+
+/// Two fluids.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::fluid) struct FluidPair {
+    /// Indices of their materials.
+    pub(in crate::fluid) material: [u16; 2],
+    /// Density of each, kg/m³.
+    pub(in crate::fluid) density: [f64; 2],
+    /// Viscosity of each, Pa s.
+    pub(in crate::fluid) viscosity: [f64; 2],
+    /// N/m.
+    pub(in crate::fluid) surface_tension: f64,
+    /// Length over which the fraction changes, in spacings.
+    pub(in crate::fluid) width: f64,
+}
+
+/// Two fluids flow through the points of a body.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TwoFluids;
+
+impl Fact for TwoFluids {}
+
+impl FluidPair {
+    /// The two fluids of a body.
+    pub(in crate::fluid) fn prepare(
+        keys: PairKeys<'_>,
+        setup: &Setup<'_>,
+        body: BodyIndex,
+    ) -> Result<FluidPair, SetupError> {
+        let Interface {
+            width,
+            surface_tension,
+        } = keys.interface;
+        check_positive("interface.width", width, "")?;
+        check_at_least("interface.surface_tension", surface_tension, 0.0, "N/m")?;
+        need(
+            keys.viscosity.is_none_or(|law| law.name == "newtonian"),
+            "viscosity",
+            "the viscosity of two fluids is the property `viscosity` of each",
+            "`viscosity.newtonian`, or no `viscosity`",
+        )?;
+        let [first, second] = keys.fluids else {
+            let message = format!("`fluids` has {} names", keys.fluids.len());
+            return Err(SetupError::value(
+                "fluids",
+                message,
+                "two materials of the body",
+            ));
+        };
+        need(
+            first != second,
+            "fluids",
+            "both fluids are of one material",
+            "two materials of the body",
+        )?;
+        let this = setup.body(body);
+        let material = [index(this, first)?, index(this, second)?];
+        let densities = setup.world().reference_densities(body)?;
+        let viscosities = setup.world().property(body, "viscosity")?;
+        let viscosity = |n: usize| {
+            let value = viscosities[material[n] as usize].constant();
+            value.filter(|v| *v > 0.0).ok_or_else(|| {
+                let message = format!(
+                    "the viscosity of `{}` is not one positive number",
+                    keys.fluids[n]
+                );
+                SetupError::value("fluids", message, "a number for `viscosity`, Pa s")
+            })
+        };
+        let of_material = || {
+            let of_first = &this.materials[material[0] as usize];
+            let property = of_first.same_in_all_directions("surface_tension").ok()??;
+            property.constant()
+        };
+        let surface_tension = surface_tension.or_else(of_material).ok_or_else(|| {
+            let message = format!("the tension between `{first}` and `{second}` is unknown");
+            let expected = "`interface = { surface_tension = ... }` in N/m, 0 where there is none";
+            SetupError::value("fluids", message, expected)
+        })?;
+        Ok(FluidPair {
+            material,
+            density: material.map(|m| densities[m as usize]),
+            viscosity: [viscosity(0)?, viscosity(1)?],
+            surface_tension,
+            width,
+        })
+    }
+
+    /// Of a mixture, kg/m³.
+    pub(in crate::fluid) fn density_of(&self, fraction: f64) -> f64 {
+        let [first, second] = self.density;
+        second + (first - second) * fraction
+    }
+
+    /// Of a mixture, Pa s: that of layers in series.
+    pub(in crate::fluid) fn viscosity_of(&self, fraction: f64) -> f64 {
+        let [first, second] = self.viscosity;
+        let c = fraction.clamp(0.0, 1.0);
+        first * second / (c * second + (1.0 - c) * first)
+    }
+
+    /// Speed of capillary waves of the length of a spacing (m), m/s.
+    pub(in crate::fluid) fn capillary_speed(&self, spacing: f64) -> f64 {
+        let density: f64 = self.density.iter().sum();
+        (self.surface_tension / (density * spacing)).sqrt()
+    }
+
+    /// Largest step (s) that capillary waves of a lattice of this spacing (m) allow: `sqrt((rho_1 + rho_2) dx^3 / (4 pi gamma))`
+    /// (Brackbill et al. (1992)).
+    pub(in crate::fluid) fn capillary_step(&self, spacing: f64) -> f64 {
+        spacing / (self.capillary_speed(spacing) * (4.0 * PI).sqrt())
+    }
+
+    /// Largest kinematic viscosity, m²/s.
+    pub(in crate::fluid) fn diffusivity(&self) -> f64 {
+        let of = |n: usize| self.viscosity[n] / self.density[n];
+        of(0).max(of(1))
+    }
+}
+
+/// Index of a material of a body.
+fn index(body: &Body, name: &str) -> Result<u16, SetupError> {
+    let found = body.materials.iter().position(|m| m.name() == name);
+    found.map(|index| index as u16).ok_or_else(|| {
+        let names: Vec<String> = body.materials.iter().map(|m| format!("`{}`", m.name())).collect();
+        let message = format!(
+            "body `{}` has no material `{name}`, but {}",
+            body.name,
+            names.join(" and ")
+        );
+        let expected = "two of its materials; a second one is that of a region, `materials = { region = \"...\" }`";
+        SetupError::value("fluids", message, expected)
+    })
+}

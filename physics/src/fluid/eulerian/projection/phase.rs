@@ -1,0 +1,213 @@
+//! Two fluids on one lattice: how the fraction of the first one is carried and kept in a thin layer, and where their interface lies.
+//!
+//! ```text
+//! C_ij = U_ij (c_i + c_j)/2 - Gamma b [2 eps (c_j - c_i) - xi . (q_i + q_j)],   q = c (1 - c) n
+//! c'   = c - dt sum_j C_ij,   rho = rho_2 + (rho_1 - rho_2) c,   N_ij = rho_2 U_ij + (rho_1 - rho_2) C_ij
+//! n    = grad psi / |grad psi|,   psi = eps ln(c / (1 - c))
+//! ```
+//!
+//! The conservative Allen-Cahn flux of Chiu & Lin (2011) with the normals of Mirjalili & Mani (2021): across a plane interface the fraction is
+//! `1 / (1 + exp(-d / eps))` at the distance d. Both fluids keep their masses to rounding. Surface tension is the force
+//! `-gamma kappa grad H`, `kappa = div n`, `H = 3 c^2 - 2 c^3`; along a bond `-gamma (kappa_i + kappa_j)/2 (H_j - H_i)`, which a pressure
+//! balances where the curvature is uniform.
+
+use std::f64::consts::PI;
+
+use nalgebra::Vector3;
+use perimelt_core::family::Mirrored;
+use perimelt_core::solver::reduce::sum_points;
+use perimelt_core::{Body, Bond, BondKernel, Family, Report, SlotField};
+use rayon::prelude::*;
+
+use super::pair::FluidPair;
+use super::slots::FlowSlots;
+use crate::fluid::rates::POINTS_PER_TASK;
+
+/// Fractions are cut to this distance from 0 and 1 where their logarithm is taken.
+const CUT: f64 = 1e-12;
+
+/// Least speed at which the layer is kept thin, over that of capillary waves of the spacing.
+const LEAST_SPEED: f64 = 0.05;
+
+/// `sum_j b xi (f_j - f_i)`.
+struct Gradient {
+    /// `1 / a`, 1/m.
+    inverse: f64,
+}
+
+impl<const D: usize> BondKernel<1, D> for Gradient {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 1], other: [f64; 1]) -> [f64; D] {
+        let part = bond.weight * self.inverse * (other[0] - own[0]);
+        let mut sums = [0.0; D];
+        for (sum, xi) in sums.iter_mut().zip(bond.xi) {
+            *sum = part * xi;
+        }
+        sums
+    }
+}
+
+/// `sum_j b xi . (f_j - f_i)`.
+struct Divergence {
+    /// `1 / a`, 1/m.
+    inverse: f64,
+}
+
+impl<const D: usize> BondKernel<D, 1> for Divergence {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; D], other: [f64; D]) -> [f64; 1] {
+        let mut sum = 0.0;
+        for a in 0..D {
+            sum += bond.xi[a] * (other[a] - own[a]);
+        }
+        [bond.weight * self.inverse * sum]
+    }
+}
+
+/// The fraction of the first fluid, and the interface that follows from it.
+#[derive(Debug)]
+pub(super) struct Phase {
+    pub(super) pair: FluidPair,
+    /// By point.
+    pub(super) fraction: Vec<f64>,
+    /// Normals into the first fluid, rows of points.
+    normals: Vec<f64>,
+    curvature: Vec<[f64; 1]>,
+    /// By slot: distance, m, and normals.
+    distance: SlotField,
+    normal: Vec<SlotField>,
+}
+
+impl Phase {
+    pub(super) fn new(pair: FluidPair, dimension: usize, points: usize) -> Self {
+        Phase {
+            pair,
+            fraction: vec![0.0; points],
+            normals: vec![0.0; points * dimension],
+            curvature: vec![[0.0]; points],
+            distance: SlotField::default(),
+            normal: vec![SlotField::default(); dimension],
+        }
+    }
+
+    /// Finds the interface; `spacing` in m, `inverse` is `1 / a`.
+    pub(super) fn find<const D: usize>(
+        &mut self,
+        family: &Family,
+        spacing: f64,
+        inverse: f64,
+        slots: &mut FlowSlots,
+    ) {
+        let fraction = &self.fraction;
+        let eps = self.pair.width * spacing;
+        let distance = |i: usize| {
+            let c = fraction[i].clamp(CUT, 1.0 - CUT);
+            eps * (c / (1.0 - c)).ln()
+        };
+        self.distance.load(family, distance, Mirrored::Scalar);
+        let (normals, _) = self.normals.as_chunks_mut::<D>();
+        family.sum(&Gradient { inverse }, [&self.distance], normals);
+        let each = normals.par_iter_mut().with_min_len(POINTS_PER_TASK);
+        each.for_each(|n| {
+            let square: f64 = n.iter().map(|x| x * x).sum();
+            let length = square.sqrt() + f64::MIN_POSITIVE;
+            n.iter_mut().for_each(|x| *x /= length);
+        });
+        for (axis, slots) in self.normal.iter_mut().enumerate() {
+            let along = |i: usize| normals[i][axis];
+            slots.load(family, along, Mirrored::Vector(axis));
+        }
+        for (axis, slots) in slots.compression.iter_mut().enumerate() {
+            let along = |i: usize| fraction[i] * (1.0 - fraction[i]) * normals[i][axis];
+            slots.load(family, along, Mirrored::Vector(axis));
+        }
+        slots.fraction.load(family, &fraction[..], Mirrored::Scalar);
+        let inputs: [&[f64]; D] = std::array::from_fn(|a| &self.normal[a][..]);
+        family.sum(&Divergence { inverse }, inputs, &mut self.curvature);
+        let gamma = self.pair.surface_tension;
+        let curvature = &self.curvature;
+        let tension = |i: usize| -gamma * curvature[i][0];
+        slots.tension.load(family, tension, Mirrored::Scalar);
+        let step = |i: usize| {
+            let c = fraction[i];
+            c * c * (3.0 - 2.0 * c)
+        };
+        slots.step.load(family, step, Mirrored::Scalar);
+    }
+
+    /// Speed at which the layer is kept thin in a flow of this largest speed, m/s.
+    pub(super) fn mobility(&self, speed: f64, spacing: f64) -> f64 {
+        speed.max(LEAST_SPEED * self.pair.capillary_speed(spacing))
+    }
+
+    /// What is reported of the interface and the first fluid.
+    pub(super) fn measure<const D: usize>(&mut self, measured: Measured<'_>) -> InterfaceReport {
+        let Measured {
+            family,
+            inverse,
+            slots,
+            body,
+            velocity,
+        } = measured;
+        let volume = &body.points.volume;
+        let (slopes, _) = self.normals.as_chunks_mut::<D>();
+        family.sum(&Gradient { inverse }, [&slots.fraction], slopes);
+        let steepness = |i: usize| slopes[i].iter().map(|x| x * x).sum::<f64>().sqrt();
+        let [area] = sum_points(volume.len(), |i| [volume[i] * steepness(i)]);
+        let fraction = &self.fraction;
+        let [whole] = sum_points(volume.len(), |i| [volume[i] * fraction[i]]);
+        let mean = |of: &[Vector3<f64>]| {
+            let sum = sum_points(volume.len(), |i| (volume[i] * fraction[i] * of[i]).into());
+            sum.map(|x| x / whole)
+        };
+        InterfaceReport {
+            area,
+            roundness: match D {
+                2 => 2.0 * (PI * whole * body.thickness).sqrt() / area,
+                _ => PI.cbrt() * (6.0 * whole).powf(2.0 / 3.0) / area,
+            },
+            centre: mean(&body.points.position),
+            velocity: mean(velocity),
+        }
+    }
+}
+
+/// Where the interface is measured.
+pub(super) struct Measured<'a> {
+    pub(super) family: &'a Family,
+    /// `1 / a`, 1/m.
+    pub(super) inverse: f64,
+    pub(super) slots: &'a FlowSlots,
+    pub(super) body: &'a Body,
+    /// m/s.
+    pub(super) velocity: &'a [Vector3<f64>],
+}
+
+/// What is reported of the interface and the first fluid.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::fluid) struct InterfaceReport {
+    /// m².
+    area: f64,
+    /// Surface of a sphere, or in the plane circumference of a circle, of the volume of the first fluid over that of the interface.
+    roundness: f64,
+    /// Of the first fluid, m.
+    centre: [f64; 3],
+    /// Of the first fluid, m/s.
+    velocity: [f64; 3],
+}
+
+impl InterfaceReport {
+    pub(in crate::fluid) fn reports(&self) -> Vec<Report> {
+        let mut all = vec![
+            Report::new("interface.area", "m2", self.area),
+            Report::new("interface.roundness", "1", self.roundness),
+        ];
+        for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+            let centre = format!("first_fluid.centre.{name}");
+            let velocity = format!("first_fluid.velocity.{name}");
+            all.push(Report::new(centre, "m", self.centre[axis]));
+            all.push(Report::new(velocity, "m/s", self.velocity[axis]));
+        }
+        all
+    }
+}
