@@ -56,6 +56,24 @@ impl<'a> Bonds<'a> {
     }
 }
 
+/// Modes of the displacement without a gradient in which points are free of stress, besides those of the eigenstrain.
+#[derive(Debug, Default)]
+pub(super) struct RelievedModes {
+    /// By point, mode and axis, m; empty where none was relieved.
+    pub(super) modes: Vec<[[f64; 3]; 4]>,
+    /// Whether the loads that follow from the modes are those of the present modes, springs and eigenstrain.
+    pub(super) is_load_current: bool,
+}
+
+impl RelievedModes {
+    pub(super) fn saved(modes: Vec<[[f64; 3]; 4]>) -> Self {
+        RelievedModes {
+            modes,
+            is_load_current: false,
+        }
+    }
+}
+
 /// What solids of all formulations have.
 #[derive(Debug)]
 pub struct SolidBase {
@@ -72,6 +90,7 @@ pub struct SolidBase {
     pub(super) elastic: ElasticPoints,
     pub(super) plasticity: Option<Plasticity>,
     pub(super) fracture: Option<Fracture>,
+    pub(super) relieved: RelievedModes,
     pub(super) continuation: Continuation,
     pub(super) layer_forces: LayerForces,
     /// Sums with as many components as the dimension, in 2D.
@@ -110,6 +129,7 @@ impl SolidBase {
             elastic: ElasticPoints::new(body, elasticity, finite),
             plasticity,
             fracture,
+            relieved: RelievedModes::default(),
             continuation: Continuation::default(),
             layer_forces: LayerForces::new(dimension, &body.points.volume, in_motion),
             padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],

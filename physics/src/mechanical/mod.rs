@@ -298,7 +298,7 @@ impl RunningPhysics for RunningMechanical {
         Box::new(SavedMechanicalRef {
             state: &self.run.state,
             broken: self.run.solid.base().fracture().map(|f| &f.state),
-            relieved: self.run.solid.relieved_modes(),
+            relieved: &self.run.solid.base().relieved.modes,
         })
     }
 
@@ -333,7 +333,7 @@ impl RunningPhysics for RunningMechanical {
         run.state = state;
         run.scratch.note_load();
         run.restore_presence();
-        run.solid.replace_relieved_modes(relieved);
+        run.solid.base_mut().relieved = base::RelievedModes::saved(relieved);
         if let Some(broken) = broken {
             run.solid.replace_fracture_state(broken);
         }

@@ -86,14 +86,6 @@ pub trait Solid: Debug + Sync {
     /// have no gradient. Solids without springs for single points have no such modes.
     fn relieve_modes(&mut self, _is_relieved: &dyn Fn(usize) -> bool) {}
 
-    /// The modes at which points are free of stress, by mode and axis, m; empty where none was relieved.
-    fn relieved_modes(&self) -> &[[[f64; 3]; 4]] {
-        &[]
-    }
-
-    /// Replaces [`Solid::relieved_modes`].
-    fn replace_relieved_modes(&mut self, _modes: Vec<[[f64; 3]; 4]>) {}
-
     /// Replaces the broken bonds, and invalidates what was computed from them; returns those before. `None` if
     /// bonds do not break.
     fn replace_fracture_state(&mut self, state: FractureState) -> Option<FractureState>;

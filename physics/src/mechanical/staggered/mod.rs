@@ -128,8 +128,6 @@ pub struct Staggered<const D: usize> {
     spring: Vec<f64>,
     /// Sum of g around each corner.
     corner_spring: Vec<f64>,
-    /// Modes at which points are free of stress, but for those of the eigenstrain; empty if there are none.
-    relieved: Vec<Amplitudes>,
     /// The points behind the faces of a cell across which the eigenstrain is continuous; `u32::MAX` where there is none.
     neighbours: Vec<[u32; 6]>,
     /// Modes at which points are free of stress, in finite kinematics; empty if there are none.
@@ -138,8 +136,6 @@ pub struct Staggered<const D: usize> {
     about: Vec<About>,
     /// `sum g (z* + z0)` of each corner, N/m³; empty if it is zero.
     mode_load: Vec<[f64; 3]>,
-    /// Whether `mode_load` is that of the present eigenstrain, springs and relieved modes.
-    is_mode_load_current: bool,
     states: Vec<CellState<D>>,
     blocks: Vec<[f64; 6]>,
 }
@@ -183,12 +179,10 @@ impl<const D: usize> Staggered<D> {
             gradient: Gradient::of_cells(points, D),
             spring: vec![0.0; points],
             corner_spring: vec![0.0; nodes],
-            relieved: Vec::new(),
             neighbours: neighbours.collect(),
             free: Vec::new(),
             about: Vec::new(),
             mode_load: Vec::new(),
-            is_mode_load_current: true,
             states: vec![CellState::ZERO; points],
             blocks: vec![[0.0; 6]; nodes],
             corners,
@@ -212,7 +206,7 @@ impl<const D: usize> Staggered<D> {
             let around = self.corners.around(corner, &[]);
             *sum = around.map(|(_, point)| spring[point]).sum();
         });
-        self.is_mode_load_current = false;
+        self.base.relieved.is_load_current = false;
     }
 
     /// Lets points have material or none. The stress of those that had material before does not change, also where they have
@@ -224,9 +218,10 @@ impl<const D: usize> Staggered<D> {
         let before: Vec<Amplitudes> = modes(self);
         self.gradient.set_present(present);
         let after: Vec<Amplitudes> = modes(self);
-        self.relieved.resize(present.len(), Amplitudes::default());
+        let all = &mut self.base.relieved.modes;
+        all.resize(present.len(), Amplitudes::default());
         for point in points {
-            let relieved = self.relieved[point].as_flattened_mut();
+            let relieved = all[point].as_flattened_mut();
             if was_loose[point] || !present[point] {
                 relieved.fill(0.0);
                 continue;

@@ -50,7 +50,7 @@ impl<const D: usize> Staggered<D> {
     /// Modes at which a point is free of stress.
     fn free_modes(&self, point: usize) -> Amplitudes {
         let mut free = self.eigenstrain_modes(point);
-        if let Some(relieved) = self.relieved.get(point) {
+        if let Some(relieved) = self.base.relieved.modes.get(point) {
             for (free, relieved) in free.iter_mut().zip(relieved) {
                 (0..D).for_each(|a| free[a] += relieved[a]);
             }
@@ -94,7 +94,8 @@ impl<const D: usize> Staggered<D> {
             modes = carried(&back, &modes);
         }
         let of_eigenstrain = self.eigenstrain_modes(point);
-        for (mode, relieved) in self.relieved[point].iter_mut().enumerate() {
+        let relieved = self.base.relieved.modes[point].iter_mut();
+        for (mode, relieved) in relieved.enumerate() {
             (0..D).for_each(|a| relieved[a] = modes[mode][a] - of_eigenstrain[mode][a]);
         }
     }
@@ -103,10 +104,10 @@ impl<const D: usize> Staggered<D> {
     /// [`Staggered::load_gradient`].
     pub(super) fn follow_modes(&mut self, strain: StrainKind) {
         let finite = self.base.is_finite();
-        if self.is_mode_load_current && !finite {
+        if self.base.relieved.is_load_current && !finite {
             return;
         }
-        if !self.is_mode_load_current {
+        if !self.base.relieved.is_load_current {
             let points = (0..self.spring.len()).into_par_iter();
             let free: Vec<Amplitudes> = points.map(|point| self.free_modes(point)).collect();
             let is_zero = |free: &Amplitudes| free.iter().flatten().all(|z| *z == 0.0);
@@ -115,7 +116,7 @@ impl<const D: usize> Staggered<D> {
             } else {
                 free
             };
-            self.is_mode_load_current = true;
+            self.base.relieved.is_load_current = true;
         }
         let mut loads = std::mem::take(&mut self.mode_load);
         loads.clear();

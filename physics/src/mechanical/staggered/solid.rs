@@ -39,7 +39,7 @@ impl<const D: usize> Solid for Staggered<D> {
             self.load_springs();
         }
         if let Some(eigenstrain) = eigenstrain {
-            self.is_mode_load_current &= !self.base.elastic.set_eigenstrain(eigenstrain);
+            self.base.relieved.is_load_current &= !self.base.elastic.set_eigenstrain(eigenstrain);
         }
         if let Some(stress_free) = stress_free {
             self.base.elastic.set_stress_free(stress_free);
@@ -161,22 +161,13 @@ impl<const D: usize> Solid for Staggered<D> {
     }
 
     fn relieve_modes(&mut self, is_relieved: &dyn Fn(usize) -> bool) {
-        self.relieved
-            .resize(self.spring.len(), Amplitudes::default());
+        let modes = &mut self.base.relieved.modes;
+        modes.resize(self.spring.len(), Amplitudes::default());
         self.load_gradient();
         for point in (0..self.spring.len()).filter(|p| is_relieved(*p)) {
             self.relieve(point);
         }
-        self.is_mode_load_current = false;
-    }
-
-    fn relieved_modes(&self) -> &[[[f64; 3]; 4]] {
-        &self.relieved
-    }
-
-    fn replace_relieved_modes(&mut self, modes: Vec<[[f64; 3]; 4]>) {
-        self.relieved = modes;
-        self.is_mode_load_current = false;
+        self.base.relieved.is_load_current = false;
     }
 
     fn replace_fracture_state(&mut self, _state: FractureState) -> Option<FractureState> {
