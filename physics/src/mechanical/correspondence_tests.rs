@@ -316,3 +316,50 @@ fn breaking_by_the_energy_of_bonds_is_refused() {
         "{error:?}"
     );
 }
+
+/// The energy of a displacement that alternates from row to row, which has no gradient, is that of the springs alone.
+#[test]
+fn springs_follow_the_modulus_of_their_body() {
+    let spring = |keys: &str, poissons_ratio: &str| {
+        let mut body = body([9, 8, 1], "lattice");
+        let metal = format!(
+            "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = {poissons_ratio}\nyield_stress = 1e12"
+        );
+        body.materials = vec![crate::testing::material(&metal)];
+        let u = displacement(&body, |x| {
+            [(x.x * 1e3 * std::f64::consts::PI).sin(), 0.0, 0.0]
+        });
+        let mechanical: Mechanical = read(&format!("formulation = 'correspondence'\n{keys}"));
+        let mut world = World::new(vec![body]);
+        let mut setup = Setup::new(&mut world, std::path::Path::new("."));
+        setup.next_plugin("mechanical");
+        let mut solid = mechanical.ready(&mut setup).expect("valid").run.solid;
+        solid.set_displacement(&u, &[]);
+        let wanted = Wanted {
+            energy: Some(EnergyKind::Total),
+            ..Wanted::default()
+        };
+        // in the middle
+        solid.evaluate(wanted).energy[9 * 4 + 4][0]
+    };
+    // plane stress
+    let bulk = |nu: f64| 1e11 / (1.0 - nu);
+    let shear = |nu: f64| 1e11 / (1.0 + nu);
+    let usual = spring("", "0.3") / (0.1 * bulk(0.3));
+    // steel that is hot
+    let rising = "{ temperature = [300, 1300], value = [0.3, 0.49] }";
+    for (keys, nu, expected) in [
+        ("", "0.4", 0.1 * bulk(0.4)),
+        ("", "0.45", 0.1 * shear(0.45)),
+        ("", rising, 0.1 * bulk(0.3)),
+        ("stabilisation = 0.3", "0.3", 0.3 * bulk(0.3)),
+        ("plasticity = {}", "0.3", 0.1 * bulk(0.3)),
+        ("plasticity = {}", "0.45", 0.1 * shear(0.45)),
+    ] {
+        let found = spring(keys, nu) / usual;
+        assert!(
+            (found / expected - 1.0).abs() < 1e-9,
+            "{keys}: {found} {expected}"
+        );
+    }
+}
