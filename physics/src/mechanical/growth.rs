@@ -233,6 +233,7 @@ impl MechanicalRun {
             (rule.scale, rule.offset) = (*scale, *offset);
         }
         let before = self.gradients(world, &rules);
+        let means_before = self.solid.smoothing().to_vec();
         self.keep_ratio(world);
         self.solid.set_points(PointStates {
             present: Some(&active),
@@ -261,11 +262,15 @@ impl MechanicalRun {
         };
         let mut birth_strain = world.write(birth_strain);
         let is_born = |point: usize| present[point] && !was_present[point];
+        let strain = |gradients: &[Matrix3<f64>], means: &[[f64; 6]], point: usize| {
+            let strain = Point::strain(&gradients[point], finite);
+            means.get(point).map_or(strain, |s| strain - symmetric(s))
+        };
         for (point, has_gained) in self.changed_families(&was_present) {
-            let strain = |gradient: &Matrix3<f64>| Point::strain(gradient, finite);
             match self.state.present[point] {
                 true if has_gained => {
-                    birth_strain[point] += strain(&after[point]) - strain(&before[point]);
+                    let after = strain(&after, self.solid.smoothing(), point);
+                    birth_strain[point] += after - strain(&before, &means_before, point);
                 }
                 true => {}
                 false => birth_strain[point] = Matrix3::zeros(),

@@ -94,6 +94,12 @@ pub trait Solid: Debug + Sync {
     /// Replaces [`Solid::relieved_modes`].
     fn replace_relieved_modes(&mut self, _modes: Vec<[[f64; 3]; 4]>) {}
 
+    /// What means over families add to the prescribed strains (xx, yy, zz, xy, yz, zx) of the displacement that was evaluated; empty
+    /// where they add nothing.
+    fn smoothing(&self) -> &[[f64; 6]] {
+        &[]
+    }
+
     /// Replaces the broken bonds, and invalidates what was computed from them; returns those before. `None` if
     /// bonds do not break.
     fn replace_fracture_state(&mut self, state: FractureState) -> Option<FractureState>;

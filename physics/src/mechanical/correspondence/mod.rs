@@ -96,6 +96,10 @@ impl Correspondence {
             has_finite_tangent: false,
         };
         let gradient = Gradient::new(body, &family)?;
+        let gradient = match constitution.plasticity {
+            Some(_) => gradient.with_smoothing(body),
+            None => gradient,
+        };
         let poissons_ratio = constitution.elasticity.least_poissons_ratio();
         let spring_modulus: fn(&Moduli) -> f64 = match poissons_ratio > COMPRESSIBLE {
             true => |moduli| moduli.shear,
@@ -347,6 +351,10 @@ impl Solid for Correspondence {
             true => square.sqrt() * RISE.sqrt(),
             false => square.sqrt(),
         }
+    }
+
+    fn smoothing(&self) -> &[[f64; 6]] {
+        self.gradient.smoothing()
     }
 
     fn replace_fracture_state(&mut self, state: FractureState) -> Option<FractureState> {
