@@ -8,7 +8,9 @@ use perimelt_core::{Setup, World};
 
 use super::Mechanical;
 use super::fracture::FractureState;
-use super::solid::{EnergyKind, PointStates, Solid, Stiffness, StressKind, Wanted};
+use super::solid::{
+    EnergyKind, PointStates, Solid, Stiffness, StressFreeStrain, StressKind, Wanted,
+};
 use crate::testing::{block, read};
 
 const STEEL: &str =
@@ -315,4 +317,113 @@ fn breaking_by_the_energy_of_bonds_is_refused() {
         format!("{error:?}").contains("fracture.criterion"),
         "{error:?}"
     );
+}
+
+/// The energy of a displacement that alternates from row to row, which has no gradient, is that of the springs alone.
+#[test]
+fn springs_follow_the_modulus_of_their_body() {
+    let spring = |keys: &str, poissons_ratio: &str| {
+        let mut body = body([9, 8, 1], "lattice");
+        let metal = format!(
+            "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = {poissons_ratio}\nyield_stress = 1e12"
+        );
+        body.materials = vec![crate::testing::material(&metal)];
+        let u = displacement(&body, |x| {
+            [(x.x * 1e3 * std::f64::consts::PI).sin(), 0.0, 0.0]
+        });
+        let mechanical: Mechanical = read(&format!("formulation = 'correspondence'\n{keys}"));
+        let mut world = World::new(vec![body]);
+        let mut setup = Setup::new(&mut world, std::path::Path::new("."));
+        setup.next_plugin("mechanical");
+        let mut solid = mechanical.ready(&mut setup).expect("valid").run.solid;
+        solid.set_displacement(&u, &[]);
+        let wanted = Wanted {
+            energy: Some(EnergyKind::Total),
+            ..Wanted::default()
+        };
+        // in the middle
+        solid.evaluate(wanted).energy[9 * 4 + 4][0]
+    };
+    // plane stress
+    let bulk = |nu: f64| 1e11 / (1.0 - nu);
+    let shear = |nu: f64| 1e11 / (1.0 + nu);
+    let usual = spring("", "0.3") / (0.1 * bulk(0.3));
+    // steel that is hot
+    let rising = "{ temperature = [300, 1300], value = [0.3, 0.49] }";
+    for (keys, nu, expected) in [
+        ("", "0.4", 0.1 * bulk(0.4)),
+        ("", "0.45", 0.1 * shear(0.45)),
+        ("", rising, 0.1 * bulk(0.3)),
+        ("stabilisation = 0.3", "0.3", 0.3 * bulk(0.3)),
+        ("plasticity = {}", "0.3", 0.1 * bulk(0.3)),
+        ("plasticity = {}", "0.45", 0.1 * shear(0.45)),
+    ] {
+        let found = spring(keys, nu) / usual;
+        assert!(
+            (found / expected - 1.0).abs() < 1e-9,
+            "{keys}: {found} {expected}"
+        );
+    }
+}
+
+/// A body without lateral contraction, whose upper half swells and which is held along x and z, has no stress along y: the strain
+/// of the rows beside the jump is a mean over the family, and so is what is free of stress in metal that flows. A swelling
+/// that differs by direction has the same.
+#[test]
+fn a_strain_that_jumps_has_the_mean_of_the_gradient() {
+    let jump = |x: &Vector3<f64>| if x.y > 6e-3 { 1e-3 } else { 0.0 };
+    for (cells, keys, least, most) in [
+        ([9, 12, 1], "", 0.29, 0.31),
+        ([9, 12, 9], "", 0.26, 0.28),
+        ([9, 12, 1], "plasticity = {}", 0.0, 0.01),
+        // the fractions of mean and gradient differ by 0.012 here
+        ([9, 12, 9], "plasticity = {}", 0.0, 0.015),
+    ] {
+        let mut body = body(cells, "lattice");
+        let metal =
+            "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0\nyield_stress = 1e12";
+        body.materials = vec![crate::testing::material(metal)];
+        let u = displacement(&body, |x| [0.0, 1e-3 * (x.y - 6e-3).max(0.0), 0.0]);
+        let position = body.points.position.clone();
+        let isotropic: Vec<f64> = position.iter().map(jump).collect();
+        let along_y = position.iter().map(|x| [0.0, jump(x), 0.0, 0.0, 0.0, 0.0]);
+        let along_y: Vec<[f64; 6]> = along_y.collect();
+        let states = [
+            PointStates {
+                eigenstrain: Some(&isotropic),
+                ..PointStates::default()
+            },
+            PointStates {
+                stress_free: Some(StressFreeStrain {
+                    strain: &along_y,
+                    prescribed: &along_y,
+                }),
+                ..PointStates::default()
+            },
+        ];
+        for (states, kind) in states.into_iter().zip(["isotropic", "along y"]) {
+            let mechanical: Mechanical = read(&format!("formulation = 'correspondence'\n{keys}"));
+            let mut world = World::new(vec![body.clone()]);
+            let mut setup = Setup::new(&mut world, std::path::Path::new("."));
+            setup.next_plugin("mechanical");
+            let mut run = mechanical.ready(&mut setup).expect("valid").run;
+            setup.finish().expect("complete");
+            run.load_plasticity(&world, None, 1.0);
+            let mut solid = run.solid;
+            solid.set_points(states);
+            solid.set_displacement(&u, &[]);
+            solid.evaluate(Wanted::force(&mut vec![0.0; u.len()]));
+            let stress = solid.evaluate(Wanted::stress(StressKind::Spatial)).stress;
+            let middle = |x: &Vector3<f64>| {
+                (x.x - 4.5e-3).abs() < 1e-4 && (cells[2] == 1 || (x.z - 4.5e-3).abs() < 1e-4)
+            };
+            let inner = |x: &Vector3<f64>| middle(x) && (x.y - 6e-3).abs() < 3e-3;
+            let points = stress.iter().zip(&position).filter(|(_, x)| inner(x));
+            let largest = points.fold(0.0f64, |m, (s, _)| m.max(s[1].abs())) / (2e11 * 1e-3);
+            assert!(
+                (least..most).contains(&largest),
+                "{cells:?} {keys} {kind}: {largest}"
+            );
+        }
+    }
 }

@@ -216,10 +216,11 @@ impl StrainedPoints<'_> {
             true => Point::loose(moduli, dimension),
             false => {
                 let law = Point::new(moduli, elastic.eigenstrain[point], dimension);
-                match elastic.stress_free.get(point) {
-                    None => law,
-                    Some(strain) => law.with_inelastic(elastic.stress_state(), *strain),
-                }
+                let strains = [&elastic.stress_free[..], gradient.smoothing()];
+                let strains = strains.iter().filter_map(|strains| strains.get(point));
+                strains.fold(law, |law, strain| {
+                    law.with_inelastic(elastic.stress_state(), *strain)
+                })
             }
         }
     }

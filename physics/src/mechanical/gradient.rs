@@ -15,6 +15,7 @@ use rayon::prelude::*;
 
 use super::base::Bonds;
 use super::elastic::ElasticPoints;
+use super::smoothing::Smoothing;
 use super::stress_free::{Prescribed, StressFreeDisplacement};
 
 /// `sum_j w (u_j - u_i) (x) xi` by rows, m.
@@ -88,7 +89,9 @@ pub(super) struct Gradient {
     sums: Vec<f64>,
     /// What prescribed strains do to H.
     pub(super) stress_free: StressFreeDisplacement,
-    /// Whether `stress_free` is that of the present strains and bonds.
+    /// Means of prescribed strains over families; `None` where strains are those of the points.
+    smoothing: Option<Smoothing>,
+    /// Whether `stress_free` and `smoothing` are those of the present strains and bonds.
     is_stress_free_current: bool,
 }
 
@@ -118,8 +121,17 @@ impl Gradient {
             sums: vec![0.0; points * if dimension == 3 { 9 } else { 4 }],
             lost: vec![0; points],
             stress_free: StressFreeDisplacement::default(),
+            smoothing: None,
             is_stress_free_current: true,
         })
+    }
+
+    /// With prescribed strains that are means over families.
+    pub(super) fn with_smoothing(self, body: &Body) -> Self {
+        Gradient {
+            smoothing: Some(Smoothing::new(&body.material_of_point)),
+            ..self
+        }
     }
 
     /// Gradients over the cells of points, which are never loose while they have material.
@@ -131,6 +143,7 @@ impl Gradient {
             sums: Vec::new(),
             lost: Vec::new(),
             stress_free: StressFreeDisplacement::default(),
+            smoothing: None,
             is_stress_free_current: true,
         }
     }
@@ -168,6 +181,9 @@ impl Gradient {
 
     fn forget_families(&mut self) {
         self.stress_free.forget_families();
+        if let Some(smoothing) = &mut self.smoothing {
+            smoothing.forget_families();
+        }
         self.is_stress_free_current = false;
     }
 
@@ -188,6 +204,9 @@ impl Gradient {
         }
         self.is_stress_free_current = true;
         let inverse = &self.inverse_shape;
+        if let Some(smoothing) = &mut self.smoothing {
+            smoothing.evaluate(bonds, elastic);
+        }
         let tensor = elastic.prescribed_tensor();
         let strains = match &tensor {
             Some(tensor) => Prescribed::Tensor(tensor),
@@ -196,6 +215,11 @@ impl Gradient {
         self.stress_free
             .evaluate(bonds, continuation, inverse, strains);
         true
+    }
+
+    /// What means over families add to the prescribed strain of each point; empty if nothing.
+    pub(super) fn smoothing(&self) -> &[[f64; 6]] {
+        self.smoothing.as_ref().map_or(&[], Smoothing::strain)
     }
 
     /// The gradient of which the stress of a point follows: that of its displacement without what prescribed strains do

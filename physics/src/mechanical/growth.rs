@@ -38,11 +38,11 @@
 //! Correspondence and staggered solids only: their stress belongs to points. A bond of the other solids has the mean of the strains
 //! of its ends, and a point born beside a loaded one would not be free of stress.
 
-use nalgebra::{Matrix3, Vector3};
-use perimelt_core::family::{ByRules, Continuation, LayerRule};
+use nalgebra::Matrix3;
+use perimelt_core::family::LayerRule;
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Face, Family, Setup, SetupError, SlotField, World};
+use perimelt_core::{Face, Setup, SetupError, World};
 use rayon::prelude::*;
 
 use super::classical::{COMPONENTS, Point, symmetric};
@@ -53,6 +53,7 @@ use super::solid::{PointStates, StressFreeStrain, Wanted};
 use super::staggered::Births;
 use super::step::MechanicalRun;
 use super::surface_stress::SurfaceStress;
+use super::surroundings::{MotionState, Placed, Surroundings};
 
 /// Strain that is continued from the body to what is deposited on it, of the order of the elastic limit of metals.
 const CONTINUED: f64 = 2e-3;
@@ -121,89 +122,20 @@ pub(super) fn check_layer(
     ))
 }
 
-/// The displacement of the points that are there, and where layers mirror them.
-struct Surroundings<'a> {
-    family: &'a Family,
-    /// By slot, the point in it or mirrored there.
-    point_in: Vec<u32>,
-    /// By slot, the signs of the components of a symmetric image; one for points, zero for other images.
-    sign: Vec<[f64; 3]>,
-    /// Whether the displacement of each point is known.
-    known: Vec<bool>,
+/// The deformation of a body.
+struct Strained {
+    /// Gradients of the displacement.
+    gradient: Vec<Matrix3<f64>>,
+    /// What means over families add to the prescribed strains; empty where they add nothing.
+    smoothing: Vec<[f64; 6]>,
 }
 
-/// State of motion of a body.
-struct MotionState<'a> {
-    /// By component and slot, m.
-    displacement: [SlotField; 3],
-    /// By point.
-    gradient: &'a [Matrix3<f64>],
-    /// m/s; empty in equilibrium.
-    velocity: &'a [Vector3<f64>],
-}
-
-/// State of motion of a point.
-#[derive(Clone, Copy, Default)]
-struct Placed {
-    displacement: Vector3<f64>,
-    gradient: Matrix3<f64>,
-    velocity: Vector3<f64>,
-}
-
-impl<'a> Surroundings<'a> {
-    fn new(family: &'a Family, rules: &[LayerRule], known: Vec<bool>) -> Self {
-        let point_in = family.points_of_slots();
-        let mut sign = vec![[1.0; 3]; point_in.len()];
-        for image in family.images(&Continuation::plain(rules)) {
-            sign[image.slot] = match image.is_symmetric() {
-                true => image.scale,
-                false => [0.0; 3],
-            };
-        }
-        Surroundings {
-            family,
-            point_in,
-            sign,
-            known,
-        }
-    }
-
-    /// A displacement (m) by slot, continued into the layers by `rules`.
-    fn in_slots(&self, displacement: &[Vector3<f64>], rules: &[LayerRule]) -> [SlotField; 3] {
-        std::array::from_fn(|axis| {
-            let mut slots = SlotField::default();
-            let along = |point: usize| displacement[point][axis];
-            slots.load(self.family, along, ByRules(rules, axis));
-            slots
-        })
-    }
-
-    /// Continues the displacement of the known neighbours to a point; `None` if it has none.
-    fn continued(&self, point: usize, state: &MotionState<'_>) -> Option<Placed> {
-        let mut total = 0.0;
-        let mut sum = Placed::default();
-        self.family.for_each_bond(point, |_, bond, slot| {
-            let other = self.point_in[slot] as usize;
-            let sign = self.sign[slot];
-            if bond.weight <= 0.0 || sign == [0.0; 3] || !self.known.get(other).unwrap_or(&false) {
-                return;
-            }
-            let mirror = Matrix3::from_diagonal(&sign.into());
-            let gradient = mirror * state.gradient[other] * mirror;
-            let xi = Vector3::from(bond.xi);
-            let displacement = Vector3::from_fn(|axis, _| state.displacement[axis][slot]);
-            sum.displacement += bond.weight * (displacement - gradient * xi);
-            sum.gradient += bond.weight * gradient;
-            if let Some(velocity) = state.velocity.get(other) {
-                sum.velocity += bond.weight * (mirror * velocity);
-            }
-            total += bond.weight;
-        });
-        (total > 0.0).then(|| Placed {
-            displacement: sum.displacement / total,
-            gradient: sum.gradient / total,
-            velocity: sum.velocity / total,
-        })
+impl Strained {
+    /// The strain of a point beyond what means over families add to the prescribed one.
+    fn strain(&self, point: usize, finite: bool) -> Matrix3<f64> {
+        let strain = Point::strain(&self.gradient[point], finite);
+        let smoothing = self.smoothing.get(point).map(symmetric);
+        smoothing.map_or(strain, |smoothing| strain - smoothing)
     }
 }
 
@@ -232,7 +164,7 @@ impl MechanicalRun {
         for (rule, [scale, offset]) in rules.iter_mut().zip(&self.state.layers) {
             (rule.scale, rule.offset) = (*scale, *offset);
         }
-        let before = self.gradients(world, &rules);
+        let before = self.strained(world, &rules);
         self.keep_ratio(world);
         self.solid.set_points(PointStates {
             present: Some(&active),
@@ -249,12 +181,12 @@ impl MechanicalRun {
         let earlier = std::mem::replace(&mut self.node_density, density);
         let change = |this: &Self, i: usize| this.node_density[i] - earlier[i];
         let gone = self.momentum_with(world, |i| (-change(self, i)).max(0.0));
-        self.place_born(world, &was_present, &rules, &before);
+        self.place_born(world, &was_present, &rules, &before.gradient);
         let born = self.momentum_with(world, |i| change(self, i).max(0.0));
         self.state.given += gone.times(-1.0).with_size_of(&gone);
         self.state.given += born;
         self.set_in_motion(world);
-        let after = self.gradients(world, &rules);
+        let after = self.strained(world, &rules);
         let finite = self.balanced.angular;
         let Some(birth_strain) = self.fields.birth_strain else {
             return;
@@ -262,10 +194,10 @@ impl MechanicalRun {
         let mut birth_strain = world.write(birth_strain);
         let is_born = |point: usize| present[point] && !was_present[point];
         for (point, has_gained) in self.changed_families(&was_present) {
-            let strain = |gradient: &Matrix3<f64>| Point::strain(gradient, finite);
             match self.state.present[point] {
                 true if has_gained => {
-                    birth_strain[point] += strain(&after[point]) - strain(&before[point]);
+                    birth_strain[point] +=
+                        after.strain(point, finite) - before.strain(point, finite);
                 }
                 true => {}
                 false => birth_strain[point] = Matrix3::zeros(),
@@ -304,14 +236,17 @@ impl MechanicalRun {
         changed.map(|point| (point, has_gained(point))).collect()
     }
 
-    /// Gradients of the present displacement.
-    fn gradients(&mut self, world: &World, rules: &[LayerRule]) -> Vec<Matrix3<f64>> {
+    /// The deformation under the present displacement.
+    fn strained(&mut self, world: &World, rules: &[LayerRule]) -> Strained {
         self.set_displacement(world, rules);
-        let wanted = Wanted {
+        let evaluated = self.solid.evaluate(Wanted {
             gradient: true,
             ..Wanted::default()
-        };
-        self.solid.evaluate(wanted).gradient.to_vec()
+        });
+        Strained {
+            gradient: evaluated.gradient.to_vec(),
+            smoothing: evaluated.smoothing.to_vec(),
+        }
     }
 
     /// Sets the displacement of the points that are present now and were not before, from that of the others and its

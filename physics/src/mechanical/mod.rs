@@ -31,6 +31,7 @@
 //! | [`correspondence`], [`points`] | correspondence solids, and laws of their points |
 //! | [`staggered`] | staggered solids: displacements at the corners of cells |
 //! | [`fracture`], [`interfaces`] | breaking bonds; strength between materials and across interfaces |
+//! | `smoothing` | means of prescribed strains over families |
 //! | `stress_free` | stress-free strains that vary in space, as seen by the shape tensor |
 
 mod base;
@@ -87,6 +88,7 @@ mod rigid;
 #[cfg(test)]
 mod rigid_motion_tests;
 pub mod section;
+mod smoothing;
 pub mod solid;
 mod specialise;
 pub mod staggered;
@@ -96,6 +98,8 @@ mod stress_free;
 mod stress_free_tests;
 pub mod stretch;
 pub mod surface_stress;
+mod surroundings;
+mod surroundings;
 #[cfg(test)]
 mod tests;
 mod validity;

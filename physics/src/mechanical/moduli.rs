@@ -195,6 +195,13 @@ impl Elasticity {
         Some(self.at(0, 0.0))
     }
 
+    /// The least Poisson's ratio of all materials at any temperature.
+    pub fn least_poissons_ratio(&self) -> f64 {
+        let ratios = self.poissons_ratio.iter().flatten();
+        let least = ratios.flat_map(|p| p.values()).reduce(f64::min);
+        least.unwrap_or_else(|| bond_based_poissons_ratio(self.dimension, self.plane))
+    }
+
     /// The stiffest moduli of a material over its temperature range, for the stable step.
     pub fn stiffest(&self, material: usize) -> Moduli {
         let largest = |p: &Property| p.values().into_iter().fold(0.0, f64::max);

@@ -182,6 +182,8 @@ pub struct Evaluated<'a> {
     pub energy: &'a [[f64; 2]],
     /// Gradient of the displacement from which the stress follows; empty in formulations without.
     pub gradient: &'a [Matrix3<f64>],
+    /// What means over families add to the prescribed strains; empty where they add nothing.
+    pub smoothing: &'a [[f64; 6]],
 }
 
 /// The stress that is evaluated.

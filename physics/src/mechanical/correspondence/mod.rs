@@ -4,14 +4,14 @@
 //! F = 1 + H,  H = [sum_j w (u_j - u_i) (x) xi] K^-1,  K = sum_j w xi (x) xi      Wang (2025), eqs. 3.15, 3.19
 //! P = sigma(H)                 linear kinematics: linear elasticity
 //! P = F S,  S = C : (E - e),  E = (F^T F - 1)/2      finite: Saint Venant-Kirchhoff, eqs. 3.16 to 3.18
-//! T_ij = w_ij { P K^-1 xi + g z },  z = u_j - u_i - H xi,  g = G 2 d bulk / horizon
+//! T_ij = w_ij { P K^-1 xi + g z },  z = u_j - u_i - H xi,  g = G 2 d m / horizon
 //!                                                     eqs. 3.14, 3.20; see docs/theory/mechanics.md
 //! f_i = sum_j T_ij - T_ji
 //! ```
 //!
 //! `w` is the weight of the bond in the family of the owner. The term `g z` stabilises the zero-energy modes
-//! (Silling 2017) and vanishes in every affine deformation. Any uniform strain is exact on any cloud, also at
-//! surfaces, and needs no calibration.
+//! (Silling 2017) and vanishes in every affine deformation; m is the bulk modulus, or the shear modulus of a nearly incompressible
+//! body. Any uniform strain is exact on any cloud, also at surfaces, and needs no calibration.
 //!
 //! Bonds break at their critical stretch ([`fracture`](super::fracture)). All sums, that of K included, run over
 //! unbroken bonds, so that a uniform strain stays exact beside cracks. A *loose* point, whose bonds no longer span
@@ -46,12 +46,18 @@ use super::solid::{
 use inputs::Inputs;
 use kernels::{Block, Force};
 
+/// Poisson's ratio above which a bulk modulus much larger than the shear modulus would make springs that followed it lock the body; see
+/// docs/theory/mechanics.md, "Zero-energy modes".
+const COMPRESSIBLE: f64 = 0.4;
+
 /// A correspondence solid.
 #[derive(Debug)]
 pub struct Correspondence {
     base: SolidBase,
     /// G.
     stabilisation: f64,
+    /// m of a point.
+    spring_modulus: fn(&Moduli) -> f64,
     inputs: Inputs,
     /// H of each point.
     gradient: Gradient,
@@ -90,10 +96,20 @@ impl Correspondence {
             has_finite_tangent: false,
         };
         let gradient = Gradient::new(body, &family)?;
+        let gradient = match constitution.plasticity {
+            Some(_) => gradient.with_smoothing(body),
+            None => gradient,
+        };
+        let poissons_ratio = constitution.elasticity.least_poissons_ratio();
+        let spring_modulus: fn(&Moduli) -> f64 = match poissons_ratio > COMPRESSIBLE {
+            true => |moduli| moduli.shear,
+            false => |moduli| moduli.bulk,
+        };
         let mut base = SolidBase::new(body, family, constitution, properties);
         base.set_law(settings.law);
         let mut this = Correspondence {
             stabilisation: settings.stabilisation,
+            spring_modulus,
             inputs: Inputs::new(&base.family, body.dimension, base.fracture.is_some()),
             gradient,
             elastic_gradient: Vec::new(),
@@ -111,8 +127,8 @@ impl Correspondence {
         if self.gradient.is_loose(point) {
             return 0.0;
         }
-        let bond_stiffness =
-            2.0 * self.base.dimension as f64 * self.base.elastic.moduli(point).bulk;
+        let modulus = (self.spring_modulus)(&self.base.elastic.moduli(point));
+        let bond_stiffness = 2.0 * self.base.dimension as f64 * modulus;
         self.stabilisation * bond_stiffness / self.base.horizons[point]
     }
 
@@ -261,6 +277,7 @@ impl Solid for Correspondence {
             } else {
                 &[]
             },
+            smoothing: self.gradient.smoothing(),
         }
     }
 

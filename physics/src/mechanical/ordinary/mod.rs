@@ -387,7 +387,7 @@ impl<L: BondForce> Solid for Ordinary<L> {
         Evaluated {
             stress: self.base.stress_of(stress),
             energy: self.base.energy_of(energy),
-            gradient: &[],
+            ..Evaluated::default()
         }
     }
 

@@ -80,6 +80,7 @@ impl<const D: usize> Solid for Staggered<D> {
             stress: self.base.stress_of(stress),
             energy: self.base.energy_of(energy),
             gradient: if gradient { &self.gradient.values } else { &[] },
+            smoothing: &[],
         }
     }
 
