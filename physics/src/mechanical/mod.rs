@@ -99,7 +99,6 @@ mod stress_free_tests;
 pub mod stretch;
 pub mod surface_stress;
 mod surroundings;
-mod surroundings;
 #[cfg(test)]
 mod tests;
 mod validity;
