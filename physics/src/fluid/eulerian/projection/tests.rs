@@ -321,6 +321,6 @@ fn a_drop_in_a_stream_keeps_volume_and_momentum() {
     let sum = |c: &Option<Vec<f64>>| -> f64 { c.iter().flatten().sum() };
     let [start, end] = [sum(&before.1), sum(&now)];
     assert!((end / start - 1.0).abs() < 1e-13, "{start} {end}");
-    // tension along bonds is not opposite at their ends: 1e-6 of that of the circumference for the time
-    assert!(change.norm() < 1e-3, "{change:?}");
+    // tension along bonds and viscosity that jumps are not opposite at their ends; 2e-5 found
+    assert!(change.norm() < 1e-4 * before.0.norm(), "{change:?}");
 }
