@@ -1,7 +1,6 @@
 //! Limits of a run: the largest stable step, values that are no longer a flow, and how far walls may move.
 
 use nalgebra::Vector3;
-use perimelt_core::family::LayerRule;
 use perimelt_core::{Read, RunError, World, keys};
 
 use super::eulerian::immersed::LARGEST_DISPLACEMENT;
@@ -75,13 +74,10 @@ impl FluidRun {
     /// Largest step (s) of a fluid that keeps its volume.
     fn step_of(&self, projection: &Projection, world: &World) -> f64 {
         let velocity = world.read::<Vector3<f64>>(self.fields.velocity.into());
-        let rules = world.layer_rules(self.fields.velocity_layers);
-        let of_face = |rule: &LayerRule| 0.5 * Vector3::from(rule.offset).norm();
-        let walls = rules.iter().map(of_face).fold(0.0, f64::max);
         let (medium, material) = (&self.medium, &world.body(self.body).material_of_point);
         let points = medium.reference_density.iter().zip(material);
         let diffusivity = points.map(|(rho, &m)| medium.viscosity.largest(m) / rho);
-        projection.stable_step(&velocity, walls, diffusivity.fold(0.0, f64::max))
+        projection.stable_step(&velocity, diffusivity.fold(0.0, f64::max))
     }
 
     /// Refuses to go on where walls have moved too far for points that rest or follow them.

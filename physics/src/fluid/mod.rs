@@ -115,6 +115,7 @@ impl RunningPhysics for FluidRun {
         self.check_fraction(world)?;
         self.set_fluxes(world);
         if let Some(projection) = self.points.projection_mut() {
+            projection.note_walls(&world.layer_rules(self.fields.velocity_layers));
             projection.weigh(&world.body(self.body).points.volume);
         }
         self.initial_mass = self.mass(world);

@@ -188,6 +188,7 @@ impl Projection {
         });
         state.step = terms.dt;
         self.state = state;
+        self.note_walls(terms.rules);
         self.load_state();
     }
 

@@ -26,7 +26,7 @@ mod tests;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use perimelt_core::family::Mirrored;
+use perimelt_core::family::{LayerRule, Mirrored};
 use perimelt_core::plugin::check_length;
 use perimelt_core::solver::SolverError;
 use perimelt_core::solver::reduce::dot;
@@ -99,6 +99,8 @@ pub(in crate::fluid) struct ProjectionState {
     predicted: Vec<Vector3<f64>>,
     /// Acceleration by forces, m/s².
     acceleration: Vec<Vector3<f64>>,
+    /// Largest speed of the walls in the last step, m/s: a run that is resumed knows it before boundaries set it again.
+    wall_speed: f64,
     /// Volume of the first of two fluids at the start, m³.
     first_volume: f64,
 }
@@ -155,6 +157,7 @@ impl Projection {
                 step: 0.0,
                 predicted: vec![Vector3::zeros(); points],
                 acceleration: vec![Vector3::zeros(); points],
+                wall_speed: 0.0,
                 first_volume: 0.0,
             },
             slots: FlowSlots::new(&family, dimension),
@@ -260,16 +263,17 @@ impl Projection {
         self.iterations
     }
 
-    /// Largest step (s) for this velocity of the fluid and speed of the walls (m/s): viscosity as in other fluids, and a way of
-    /// [`LARGEST_WAY`] also under the forces of the last step.
-    pub(in crate::fluid) fn stable_step(
-        &self,
-        velocity: &[Vector3<f64>],
-        walls: f64,
-        diffusivity: f64,
-    ) -> f64 {
+    /// Takes the speed of the walls behind faces from the rules of the velocity.
+    pub(in crate::fluid) fn note_walls(&mut self, rules: &[LayerRule]) {
+        let of_face = |rule: &LayerRule| 0.5 * Vector3::from(rule.offset).norm();
+        self.state.wall_speed = rules.iter().map(of_face).fold(0.0, f64::max);
+    }
+
+    /// Largest step (s) for this velocity of the fluid (m/s): viscosity as in other fluids, and a way of [`LARGEST_WAY`] of the
+    /// fluid and of the walls, also under the forces of the last step.
+    pub(in crate::fluid) fn stable_step(&self, velocity: &[Vector3<f64>], diffusivity: f64) -> f64 {
         let diffusivity = (self.phase.as_ref()).map_or(diffusivity, |p| p.pair.diffusivity());
-        let speed = largest(velocity).max(walls);
+        let speed = largest(velocity).max(self.state.wall_speed);
         let way = LARGEST_WAY * self.spacing;
         let half = 0.5 * largest(&self.state.acceleration);
         let by_way = 2.0 * way / (speed + (speed * speed + 4.0 * half * way).sqrt());
