@@ -1,19 +1,24 @@
 mod moving;
 
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use nalgebra::Vector3;
 use perimelt_core::body::{Body, Store};
 use perimelt_core::family::{ByRules, Curved, LayerRule};
+use perimelt_core::law::Law;
 use perimelt_core::{
-    Axis, Derivatives, Face, Family, FamilySpec, Horizon, Pddo, Physics, RunError, Simulation,
-    SlotField,
+    Axis, Derivatives, Face, Family, FamilySpec, Horizon, Influence, Pddo, Physics, RunError,
+    Simulation, SlotField,
 };
 
 use super::Fluid;
+use super::medium::Medium;
 use super::rates::{LargestSums, Stability};
 use super::run::FluidRun;
+use super::state::StateLaw;
 use super::treatments::Treatments;
+use super::viscosity::Viscosity;
 use crate::shape_tensor::CompleteFamily;
 use crate::testing::{block, read, run, set, simulation, values};
 use crate::thermal::Thermal;
@@ -23,6 +28,61 @@ pub(super) fn periodic(n: usize, material: &str) -> Body {
     let mut body = block([n, n, 1], 2, 1.0 / n as f64, Store::Lattice, material);
     body.repeat(&[Axis::X, Axis::Y]).expect("it fills its box");
     body
+}
+
+/// A box of 1 m with `n` points along each axis, of which the faces `mirrored` are planes of symmetry and the others periodic.
+pub(super) struct MirroredBox<'a> {
+    pub(super) dimension: usize,
+    pub(super) n: usize,
+    pub(super) mirrored: &'a [Face],
+    /// Spacings.
+    pub(super) horizon: f64,
+    /// Pa s.
+    pub(super) viscosity: f64,
+}
+
+/// A fluid of 2 kg/m³ in such a box.
+pub(super) struct Filled {
+    pub(super) body: Body,
+    pub(super) family: Arc<Family>,
+    pub(super) complete: CompleteFamily,
+    pub(super) medium: Medium,
+    /// Of the velocity.
+    pub(super) rules: Vec<LayerRule>,
+}
+
+impl MirroredBox<'_> {
+    pub(super) fn fill(&self, name: &'static str, state: Box<dyn StateLaw>) -> Filled {
+        let (dimension, mirrored) = (self.dimension, self.mirrored);
+        let cells = std::array::from_fn(|a| if a < dimension { self.n } else { 1 });
+        let spacing = 1.0 / self.n as f64;
+        let fluid = format!("density = 2\nviscosity = {}", self.viscosity);
+        let mut body = block(cells, dimension, spacing, Store::Lattice, &fluid);
+        let closed = |axis: &Axis| mirrored.iter().any(|f| f.axis() == axis.index());
+        let axes = Axis::ALL.into_iter().take(dimension);
+        let axes: Vec<Axis> = axes.filter(|a| !closed(a)).collect();
+        body.repeat(&axes).expect("it fills its box");
+        let spec = FamilySpec {
+            influence: Influence::Wendland,
+            layers: mirrored.to_vec(),
+            ..Pddo::spec(Horizon::Spacings(self.horizon))
+        };
+        let family = Arc::new(Family::build(&body, &spec).expect("a family"));
+        let viscosity = Viscosity::new(None, &body).expect("a viscosity");
+        let state = Law { name, law: state };
+        let points = body.points.len();
+        let rules = mirrored.iter().map(|f| LayerRule {
+            scale: std::array::from_fn(|a| if a == f.axis() { -1.0 } else { 1.0 }),
+            ..LayerRule::even(*f)
+        });
+        Filled {
+            complete: CompleteFamily::of(&body, &family),
+            medium: Medium::new(state, viscosity, vec![2.0; points], vec![spacing; points]),
+            rules: rules.collect(),
+            family,
+            body,
+        }
+    }
 }
 
 pub(super) fn flow(body: Body, keys: &str, end: f64) -> Simulation {

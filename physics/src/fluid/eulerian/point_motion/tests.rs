@@ -4,18 +4,16 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::body::{Body, Store};
 use perimelt_core::family::{ByRules, LayerRule};
-use perimelt_core::law::Law;
-use perimelt_core::{Axis, Face, Family, FamilySpec, Influence, Pddo, SlotField};
+use perimelt_core::{Face, Family, FamilySpec, Influence, Pddo, SlotField};
 
 use super::PointMotion;
 use crate::advection::Convection;
 use crate::fluid::eulerian::fluxes::{FluxDomain, Fluxes};
 use crate::fluid::medium::Medium;
 use crate::fluid::rates::{Rates, Terms};
-use crate::fluid::state::{StateLaw, Tait};
-use crate::fluid::viscosity::Viscosity;
+use crate::fluid::state::Tait;
+use crate::fluid::tests::{Filled, MirroredBox};
 use crate::fluid::walls::Walls;
-use crate::shape_tensor::CompleteFamily;
 use crate::testing::block;
 
 /// A fluid in a box of 1 m, of which the faces `mirrored` are planes of symmetry and the others periodic.
@@ -29,23 +27,26 @@ struct Channel {
 
 impl Channel {
     fn new(dimension: usize, n: usize, mirrored: &[Face]) -> Channel {
-        let cells = std::array::from_fn(|a| if a < dimension { n } else { 1 });
-        let spacing = 1.0 / n as f64;
-        let fluid = "density = 2\nviscosity = 3";
-        let mut body = block(cells, dimension, spacing, Store::Lattice, fluid);
-        let closed = |axis: &Axis| mirrored.iter().any(|f| f.axis() == axis.index());
-        let axes = Axis::ALL.into_iter().take(dimension);
-        let axes: Vec<Axis> = axes.filter(|a| !closed(a)).collect();
-        body.repeat(&axes).expect("it fills its box");
-        let spec = FamilySpec {
-            influence: Influence::Wendland,
-            layers: mirrored.to_vec(),
-            ..Pddo::spec(perimelt_core::Horizon::Spacings(2.015))
+        let filled = MirroredBox {
+            dimension,
+            n,
+            mirrored,
+            horizon: 2.015,
+            viscosity: 3.0,
         };
-        let family = Arc::new(Family::build(&body, &spec).expect("a family"));
-        let complete = CompleteFamily::of(&body, &family);
+        let state = Box::new(Tait {
+            sound_speed: 10.0,
+            exponent: 1.0,
+            background: 0.0,
+        });
+        let Filled {
+            body,
+            family,
+            complete,
+            medium,
+            rules,
+        } = filled.fill("tait", state);
         let motion = PointMotion::prepare(&body, &family, &[]).expect("a lattice");
-        let points = body.points.len();
         let domain = FluxDomain {
             family: family.clone(),
             complete,
@@ -53,22 +54,8 @@ impl Channel {
             motion: Some(motion),
         };
         let rates = Fluxes::new(Convection::Hybrid, &body, domain);
-        let viscosity = Viscosity::new(None, &body).expect("a viscosity");
-        let state = Law::<dyn StateLaw> {
-            name: "tait",
-            law: Box::new(Tait {
-                sound_speed: 10.0,
-                exponent: 1.0,
-                background: 0.0,
-            }),
-        };
-        let medium = Medium::new(state, viscosity, vec![2.0; points], vec![spacing; points]);
-        let rules = mirrored.iter().map(|f| LayerRule {
-            scale: std::array::from_fn(|a| if a == f.axis() { -1.0 } else { 1.0 }),
-            ..LayerRule::even(*f)
-        });
         Channel {
-            rules: rules.collect(),
+            rules,
             body,
             family,
             rates,

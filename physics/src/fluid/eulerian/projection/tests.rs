@@ -1,22 +1,18 @@
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
 use nalgebra::Vector3;
-use perimelt_core::body::{Body, Store};
+use perimelt_core::body::Body;
 use perimelt_core::family::{ByRules, LayerRule};
-use perimelt_core::law::Law;
-use perimelt_core::{Axis, Face, Family, FamilySpec, Horizon, Influence, Pddo, SlotField};
+use perimelt_core::{Face, SlotField};
 
 use super::pair::FluidPair;
 use super::{Projection, ProjectionDomain, ProjectionKeys, VOLUME_2D, VOLUME_3D};
 use crate::advection::Convection;
 use crate::fluid::medium::Medium;
 use crate::fluid::rates::{Rates, Terms};
-use crate::fluid::state::{Incompressible, StateLaw};
-use crate::fluid::tests::{flow, periodic};
-use crate::fluid::viscosity::Viscosity;
-use crate::shape_tensor::CompleteFamily;
-use crate::testing::{block, run, set, values};
+use crate::fluid::state::Incompressible;
+use crate::fluid::tests::{Filled, MirroredBox, flow, periodic};
+use crate::testing::{run, set, values};
 
 /// A fluid of 2 kg/m³ in a box of 1 m, of which the faces `mirrored` are planes of symmetry and the others periodic.
 struct Tank {
@@ -41,21 +37,21 @@ impl Tank {
         horizon: f64,
         pair: Option<FluidPair>,
     ) -> Tank {
-        let cells = std::array::from_fn(|a| if a < dimension { n } else { 1 });
-        let spacing = 1.0 / n as f64;
-        let fluid = "density = 2\nviscosity = 1e-3";
-        let mut body = block(cells, dimension, spacing, Store::Lattice, fluid);
-        let closed = |axis: &Axis| mirrored.iter().any(|f| f.axis() == axis.index());
-        let axes = Axis::ALL.into_iter().take(dimension);
-        let axes: Vec<Axis> = axes.filter(|a| !closed(a)).collect();
-        body.repeat(&axes).expect("it fills its box");
-        let spec = FamilySpec {
-            influence: Influence::Wendland,
-            layers: mirrored.to_vec(),
-            ..Pddo::spec(Horizon::Spacings(horizon))
+        let filled = MirroredBox {
+            dimension,
+            n,
+            mirrored,
+            horizon,
+            viscosity: 1e-3,
         };
-        let family = Arc::new(Family::build(&body, &spec).expect("a family"));
-        let complete = CompleteFamily::of(&body, &family);
+        let state = Box::new(Incompressible { tolerance: 1e-11 });
+        let Filled {
+            body,
+            family,
+            complete,
+            medium,
+            rules,
+        } = filled.fill("incompressible", state);
         let points = body.points.len();
         let keys = ProjectionKeys { tolerance: 1e-11 };
         let domain = ProjectionDomain {
@@ -64,19 +60,10 @@ impl Tank {
             pair,
         };
         let rates = Projection::new(keys, Convection::Central, &body, domain);
-        let viscosity = Viscosity::new(None, &body).expect("a viscosity");
-        let state = Law::<dyn StateLaw> {
-            name: "incompressible",
-            law: Box::new(Incompressible { tolerance: 1e-11 }),
-        };
-        let rules = mirrored.iter().map(|f| LayerRule {
-            scale: std::array::from_fn(|a| if a == f.axis() { -1.0 } else { 1.0 }),
-            ..LayerRule::even(*f)
-        });
         Tank {
-            rules: rules.collect(),
+            rules,
             rates,
-            medium: Medium::new(state, viscosity, vec![2.0; points], vec![spacing; points]),
+            medium,
             velocity: vec![Vector3::zeros(); points],
             density: vec![2.0; points],
             pressure: vec![0.0; points],
