@@ -2,6 +2,7 @@
 
 use super::facts::Fact;
 use super::{BodyIndex, World};
+use crate::body::Body;
 use crate::error::{Problem, SetupError};
 use crate::material::{
     Directional, EnthalpyCurve, Expansion, LatentHeatForm, Material, MaterialError, MushyCapacity,
@@ -44,19 +45,25 @@ impl World {
         of: impl Fn(&Material) -> Result<Option<T>, MaterialError>,
     ) -> Result<Vec<T>, SetupError> {
         let body = self.body(body);
-        let missing = |material: &Material| {
-            let problem = Problem::MissingProperty {
-                material: material.name().into(),
-                body: body.name.clone(),
-                property: property.into(),
-            };
-            SetupError::new("", problem)
-        };
-        let materials = body.materials.iter().map(|material| {
-            let found = of(material).map_err(|e| SetupError::other("", e))?;
-            found.ok_or_else(|| missing(material))
-        });
-        materials.collect()
+        let materials = body.materials.iter();
+        let found = materials.map(|material| found(body, material, property, of(material)));
+        found.collect()
+    }
+
+    /// The property `name` of one of the materials of a body, by its number.
+    ///
+    /// # Errors
+    /// When the material lacks it or it differs by direction.
+    pub fn property_of(
+        &self,
+        body: BodyIndex,
+        material: u16,
+        name: &str,
+    ) -> Result<Property, SetupError> {
+        let body = self.body(body);
+        let material = &body.materials[usize::from(material)];
+        let of = material.same_in_all_directions(name);
+        found(body, material, name, of.map(|of| of.cloned()))
     }
 
     /// The property `name` of the material of each point of a body, as a number.
@@ -123,4 +130,22 @@ impl World {
             .collect::<Result<_, MaterialError>>()
             .map_err(|e| SetupError::other("", e))
     }
+}
+
+/// What was found of a material of a body; `property` names what is missing where nothing was.
+fn found<T>(
+    body: &Body,
+    material: &Material,
+    property: &str,
+    found: Result<Option<T>, MaterialError>,
+) -> Result<T, SetupError> {
+    let found = found.map_err(|e| SetupError::other("", e))?;
+    found.ok_or_else(|| {
+        let problem = Problem::MissingProperty {
+            material: material.name().into(),
+            body: body.name.clone(),
+            property: property.into(),
+        };
+        SetupError::new("", problem)
+    })
 }

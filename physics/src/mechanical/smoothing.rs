@@ -42,6 +42,8 @@ const OWN: f64 = 0.2;
 pub(super) struct Smoothing {
     /// Number of the material of each point.
     material: Vec<f64>,
+    /// The same by slot, as long as there are `families`.
+    material_in_slots: SlotField,
     /// a (1/m) and `w_0 + sum_j w` of each point over unbroken bonds; empty until they are needed.
     families: Vec<(Vector3<f64>, f64)>,
     /// s of each point as xx, yy, zz, xy, yz, zx; empty where prescribed strains are uniform.
@@ -52,6 +54,7 @@ impl Smoothing {
     pub(super) fn new(material_of_point: &[u16]) -> Self {
         Smoothing {
             material: material_of_point.iter().map(|m| f64::from(*m)).collect(),
+            material_in_slots: SlotField::default(),
             families: Vec::new(),
             strain: Vec::new(),
         }
@@ -79,11 +82,11 @@ impl Smoothing {
             return;
         }
         let Bonds { family, broken } = bonds;
-        let mut material = SlotField::default();
-        material.load(family, &self.material[..], Mirrored::Scalar);
+        let material = &mut self.material_in_slots;
         if self.families.is_empty() {
+            material.load(family, &self.material[..], Mirrored::Scalar);
             let points = (0..family.points()).into_par_iter();
-            let of = |point| measure(family, point, broken, &material);
+            let of = |point| measure(family, point, broken, material);
             self.families = points.map(of).collect();
         }
         self.strain.resize(family.points(), [0.0; 6]);
@@ -93,7 +96,7 @@ impl Smoothing {
         };
         let mean = Mean {
             bonds,
-            material: &material,
+            material: &self.material_in_slots,
             families: &self.families,
         };
         if !is_uniform {

@@ -53,14 +53,24 @@ pub(super) struct Cost {
 }
 
 /// State and work arrays of the liquid cells.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Flow {
+    scheme: Scheme,
     pub(super) momentum: Momentum,
     pub(super) pressure: Pressure,
     pub(super) heat: Heat,
 }
 
 impl Flow {
+    pub(super) fn new(scheme: Scheme) -> Self {
+        Flow {
+            scheme,
+            momentum: Momentum::default(),
+            pressure: Pressure::default(),
+            heat: Heat::default(),
+        }
+    }
+
     /// Adapts the arrays to a new list; `has_force`: a force acts in the cells.
     pub(super) fn resize(&mut self, melt: &Melt, pool: &Pool, has_force: bool) {
         self.momentum.resize(pool.len(), melt, has_force);
@@ -74,14 +84,12 @@ impl Flow {
         melt: &Melt,
         pool: &Pool,
         surface: &Surface,
-        (scheme, size): (Scheme, f64),
+        size: f64,
     ) -> Result<Cost, FlowError> {
         let mut cost = Cost::default();
         let mut left = size;
         while left > 0.0 {
-            let heat = &self.heat;
-            let at = [&heat.temperature[..], &heat.enthalpy[..]];
-            self.momentum.follow(melt, pool, surface, at);
+            self.momentum.follow(melt, pool, surface, &self.heat);
             let count = (left / self.largest_step(melt, pool) * (1.0 - 1e-9)).ceil();
             let count = count.max(1.0);
             if count > MOST {
@@ -91,7 +99,7 @@ impl Flow {
             }
             let ds = left / count;
             cost.sub_steps += 1;
-            cost.iterations += self.take_sub_step(melt, pool, (scheme, ds))?;
+            cost.iterations += self.take_sub_step(melt, pool, ds)?;
             left = if count > 1.0 { left - ds } else { 0.0 };
         }
         Ok(cost)
@@ -119,22 +127,18 @@ impl Flow {
         by_speed.min(DIFFUSION * spacing * spacing / diffusivity)
     }
 
-    fn take_sub_step(
-        &mut self,
-        melt: &Melt,
-        pool: &Pool,
-        (scheme, ds): (Scheme, f64),
-    ) -> Result<usize, FlowError> {
+    fn take_sub_step(&mut self, melt: &Melt, pool: &Pool, ds: f64) -> Result<usize, FlowError> {
         let Flow {
+            scheme,
             momentum,
             pressure,
             heat,
         } = self;
-        pressure.find_coefficients(pool, momentum, (melt.density, ds));
+        pressure.find_coefficients(pool, momentum, melt.density, ds);
         momentum.advance(pool, pressure, scheme.convection, ds);
         let speed = momentum.largest_speed() + ds * momentum.largest_acceleration(melt.density);
         let tolerance = scheme.tolerance * speed / pool.stencil.spacing;
-        let iterations = pressure.solve(pool, momentum, (ds, tolerance))?;
+        let iterations = pressure.solve(pool, momentum, ds, tolerance)?;
         pressure.apply(pool, momentum, ds);
         heat.advance(melt, pool, &pressure.flux, ds);
         Ok(iterations)

@@ -2,7 +2,7 @@
 
 use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, Property};
 use perimelt_core::world::{BodyIndex, PhaseChange};
-use perimelt_core::{Body, Problem, Setup, SetupError, SurfaceTension};
+use perimelt_core::{Setup, SetupError, SurfaceTension};
 
 use crate::dependent_keys::need;
 
@@ -43,21 +43,6 @@ struct Tension {
     property: Option<Property>,
 }
 
-/// A property of the material of a body that melts.
-fn property(body: &Body, material: u16, name: &str) -> Result<Property, SetupError> {
-    let material = &body.materials[usize::from(material)];
-    let found = material.same_in_all_directions(name);
-    let found = found.map_err(|e| SetupError::other("", e))?;
-    found.cloned().ok_or_else(|| {
-        let problem = Problem::MissingProperty {
-            material: material.name().into(),
-            body: body.name.clone(),
-            property: name.into(),
-        };
-        SetupError::new("", problem)
-    })
-}
-
 impl Melt {
     pub(super) fn prepare(
         keys: &MeltFlow,
@@ -79,25 +64,14 @@ impl Melt {
             "`form = \"enthalpy\"` of `phase_change`",
         )?;
         let curves = setup.world().enthalpy_curves(body)?;
-        let melting = || {
-            (0u16..)
-                .zip(&curves)
-                .filter(|(_, curve)| curve.latent_heat().is_some())
+        let melting = (0u16..).zip(&curves);
+        let melting: Vec<_> = melting.filter(|(_, c)| c.latent_heat().is_some()).collect();
+        let [(material, curve)] = melting[..] else {
+            let message = "several materials of the body melt, and melt flow does not mix them";
+            let expected = "a body of which one material melts";
+            return Err(SetupError::value("body", message, expected));
         };
-        need(
-            melting().count() == 1,
-            "body",
-            "several materials of the body melt, and melt flow does not mix them",
-            "a body of which one material melts",
-        )?;
-        let Some((material, curve)) = melting().map(|(m, c)| (m, c.clone())).next() else {
-            return Err(SetupError::value(
-                "body",
-                "no material melts",
-                "one that does",
-            ));
-        };
-        let of = |name: &str| property(setup.body(body), material, name);
+        let of = |name: &str| setup.world().property_of(body, material, name);
         let liquidus = curve.latent_heat().map_or(0.0, |latent| latent.liquidus);
         let lift = match &keys.buoyancy {
             Some(buoyancy) => Some(Lift {
@@ -136,7 +110,7 @@ impl Melt {
             lift,
             tension,
             drag: keys.drag,
-            curve,
+            curve: curve.clone(),
         };
         melt.warn(setup, body);
         Ok(melt)

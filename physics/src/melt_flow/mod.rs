@@ -67,7 +67,6 @@ struct RunningMeltFlow {
     melt: Melt,
     /// Enthalpy above which a point flows, J/m³.
     least_enthalpy: f64,
-    scheme: Scheme,
     largest_lag: f64,
     pool: Pool,
     surface: Surface,
@@ -122,7 +121,7 @@ impl Physics for MeltFlow {
         let mut slips = [false; 6];
         let symmetry = setup.world().symmetry(body);
         for face in faces.iter().chain(&symmetry) {
-            slips[2 * face.axis() + usize::from(face.is_upper())] = true;
+            slips[*face as usize] = true;
         }
         let this = setup.body(body);
         let Some(lattice) = this.lattice() else {
@@ -134,15 +133,14 @@ impl Physics for MeltFlow {
             body,
             fields,
             least_enthalpy: least_enthalpy.unwrap_or(f64::INFINITY),
-            scheme: Scheme {
-                convection: self.convection,
-                tolerance: self.tolerance,
-            },
             largest_lag: self.largest_lag,
             pool: Pool::new(this, lattice, slips),
             surface: Surface::new(this, faces),
             melt,
-            flow: Flow::default(),
+            flow: Flow::new(Scheme {
+                convection: self.convection,
+                tolerance: self.tolerance,
+            }),
             saved: Saved::default(),
             cost: Cost::default(),
         }))
@@ -282,6 +280,7 @@ impl RunningMeltFlow {
             momentum,
             pressure: pressures,
             heat,
+            ..
         } = &self.flow;
         let cells = momentum.velocity.iter().zip(&pressures.values);
         let cells = cells.zip(&heat.carried).zip(&self.pool.points);
@@ -327,9 +326,7 @@ impl RunningPhysics for RunningMeltFlow {
         if self.pool.len() > 0 {
             self.load_cells(world);
             let (melt, pool) = (&self.melt, &self.pool);
-            let advanced = self
-                .flow
-                .advance(melt, pool, &self.surface, (self.scheme, step.size));
+            let advanced = self.flow.advance(melt, pool, &self.surface, step.size);
             self.cost = advanced.map_err(|cause| RunError::Plugin {
                 plugin: "melt_flow".into(),
                 time: step.end(),

@@ -9,6 +9,7 @@
 //! Convection and viscosity in the middle of the step are of second order in the step, and need nothing from the step before. At a
 //! wall `v_j = -v_i` in the viscous part, and the convective one vanishes.
 
+use super::heat::Heat;
 use super::melt::Melt;
 use super::pool::{Pool, set_cells};
 use super::pressure::Pressure;
@@ -81,14 +82,9 @@ impl Momentum {
             .resize(if melt.drag.is_some() { cells } else { 0 }, 0.0);
     }
 
-    /// Evaluates properties and forces at the temperatures (K) and enthalpies (J/m³) of the cells.
-    pub(super) fn follow(
-        &mut self,
-        melt: &Melt,
-        pool: &Pool,
-        surface: &Surface,
-        [temperature, enthalpy]: [&[f64]; 2],
-    ) {
+    /// Evaluates properties and forces at the temperatures and enthalpies of the cells.
+    pub(super) fn follow(&mut self, melt: &Melt, pool: &Pool, surface: &Surface, heat: &Heat) {
+        let (temperature, enthalpy) = (&heat.temperature, &heat.enthalpy);
         set_cells(&mut self.viscosity, |i| melt.viscosity(temperature[i]));
         let given = &self.given;
         set_cells(&mut self.force, |i| {

@@ -31,14 +31,17 @@ pub(super) struct Pressure {
 
 impl Default for Pressure {
     fn default() -> Self {
-        let method = KrylovMethod::ConjugateGradient;
+        let options = KrylovOptions {
+            relative_tolerance: 0.0,
+            ..KrylovOptions::default()
+        };
         Pressure {
             values: Vec::new(),
             coefficient: Vec::new(),
             diagonal: Vec::new(),
             rhs: Vec::new(),
             flux: Vec::new(),
-            krylov: Krylov::new(method, KrylovOptions::default()),
+            krylov: Krylov::new(KrylovMethod::ConjugateGradient, options),
         }
     }
 }
@@ -59,7 +62,8 @@ impl Pressure {
         &mut self,
         pool: &Pool,
         momentum: &Momentum,
-        (density, ds): (f64, f64),
+        density: f64,
+        ds: f64,
     ) {
         let bonds = &pool.stencil.bonds;
         for (i, coefficients) in self.coefficient.chunks_mut(bonds.len()).enumerate() {
@@ -111,7 +115,8 @@ impl Pressure {
         &mut self,
         pool: &Pool,
         momentum: &Momentum,
-        (ds, tolerance): (f64, f64),
+        ds: f64,
+        tolerance: f64,
     ) -> Result<usize, SolverError> {
         let bonds = &pool.stencil.bonds;
         let coefficient = &self.coefficient;
@@ -145,11 +150,8 @@ impl Pressure {
             });
             Ok(())
         };
-        self.krylov.options = KrylovOptions {
-            relative_tolerance: 0.0,
-            absolute_tolerance: tolerance / ds * (pool.len() as f64).sqrt(),
-            ..KrylovOptions::default()
-        };
+        let cells = pool.len() as f64;
+        self.krylov.options.absolute_tolerance = tolerance / ds * cells.sqrt();
         let hints = Hints {
             diagonal: Some(&self.diagonal),
             ..Hints::default()

@@ -22,6 +22,7 @@ use rayon::prelude::*;
 use super::pair::FluidPair;
 use super::slots::FlowSlots;
 use crate::fluid::rates::POINTS_PER_TASK;
+use crate::momentum::AXES;
 
 /// Fractions are cut to this distance from 0 and 1 where their logarithm is taken.
 const CUT: f64 = 1e-12;
@@ -202,7 +203,7 @@ impl InterfaceReport {
             Report::new("interface.area", "m2", self.area),
             Report::new("interface.roundness", "1", self.roundness),
         ];
-        for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        for (axis, name) in AXES.into_iter().enumerate() {
             let centre = format!("first_fluid.centre.{name}");
             let velocity = format!("first_fluid.velocity.{name}");
             all.push(Report::new(centre, "m", self.centre[axis]));
