@@ -7,7 +7,7 @@ The formulas are on `docs/theory/closed_forms.md`, in the same order; names begi
 Prints all numbers in SI units; temperatures in K.
 """
 
-from math import exp, pi, sin, sqrt
+from math import acos, cos, exp, pi, radians, sin, sqrt
 
 import numpy as np
 from scipy.integrate import quad
@@ -335,11 +335,46 @@ def fluids() -> dict[str, float]:
     }
 
 
+def drop_on_wall(angle: float, radius: float, layer: float, dimension: int) -> tuple[float, float]:
+    """Content and height of the centroid of a drop whose arc has this radius, and whose fraction changes over a layer."""
+    centre = -radius * cos(angle)
+    start, end, parts = max(0.0, -centre), radius + 40 * layer, 4000
+    step = (end - start) / parts
+    content = moment = 0.0
+    for part in range(parts):
+        r = start + (part + 0.5) * step
+        fraction = 1 / (1 + exp((r - radius) / layer))
+        half = acos(max(-1.0, min(1.0, -centre / r)))
+        if dimension == 2:
+            area, lever = 2 * half * r, 2 * r * (centre * half + r * sin(half))
+        else:
+            area = 2 * pi * r**2 * (1 - cos(half))
+            lever = centre * area + pi * r**3 * sin(half) ** 2
+        content += fraction * area * step
+        moment += fraction * lever * step
+    return content, moment / content
+
+
+def wetting() -> dict[str, float]:
+    """Drops that wet a wall, with the content of half a circle of the radius 1 or half a sphere of 1.2."""
+    found = {}
+    for name, dimension, start, layer, angles in (
+        ("two-fluids-wetting", 2, 1.0, 0.75 * 0.05, (30, 60, 90, 120, 150)),
+        ("two-fluids-wetting-sphere", 3, 1.2, 0.75 * 0.1, (60, 120)),
+    ):
+        content, _ = drop_on_wall(pi / 2, start, layer, dimension)
+        for degrees in angles:
+            angle = radians(degrees)
+            radius = brentq(lambda r, a=angle: drop_on_wall(a, r, layer, dimension)[0] - content, 0.3, 20)
+            found[f"{name}-{degrees}: height of the centre, m"] = drop_on_wall(angle, radius, layer, dimension)[1]
+    return found
+
+
 def values() -> dict[str, float]:
     """All numbers by name."""
     found: dict[str, float] = {}
     parts = (resistances, uniform_bodies, cooled_half_spaces, plates, growing_rod, square_plate, moving_sources)
-    for part in (*parts, welded_joint, bars, fluids):
+    for part in (*parts, welded_joint, bars, fluids, wetting):
         found |= part()
     for name, start, plasticity in (
         ("satoh-austenite", 290.0, 0.0),

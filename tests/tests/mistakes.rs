@@ -301,6 +301,8 @@ mistakes! {
     points_that_move_in_a_fluid_without_sound: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\nstate.incompressible = {}\n[[couplers]]\ntype = \"phase_change\"";
     two_fluids_with_sound: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.tait.sound_speed = 10\nfluids = [\"steel\", \"argon\"]\n[[couplers]]\ntype = \"phase_change\"";
     one_fluid_with_an_interface: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\ninterface = {}\n[[couplers]]\ntype = \"phase_change\"";
+    contact_angle_beyond_half_a_turn: "[[couplers]]\ntype = \"phase_change\"" => "[[couplers]]\ntype = \"wall\"\nfaces = [\"z-\"]\ncontact_angle = 190\n[[couplers]]\ntype = \"phase_change\"";
+    contact_angle_without_two_fluids: "thermal_expansion = 1.2e-5\n" => "viscosity = 5e-3\n\n[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\n\n[[couplers]]\ntype = \"wall\"\nfaces = [\"x-\", \"x+\", \"y-\", \"y+\", \"z-\", \"z+\"]\ncontact_angle = 60\n";
     three_fluids: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\nfluids = [\"a\", \"b\", \"c\"]\n[[couplers]]\ntype = \"phase_change\"";
     conductivity_with_directions_in_the_form_of_bonds: "conductivity = { temperature = [300, 1000], value = [50, 30] }" => "conductivity = { along = 30, across = 3 }";
     property_without_directions: "density = 7800" => "density = { along = 7800, across = 7000 }";

@@ -71,6 +71,25 @@ pub struct SymmetryPlane(pub Face);
 
 impl Fact for SymmetryPlane {}
 
+/// The angle at which the interface of two fluids of a body meets a wall.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactAngle {
+    /// The wall.
+    pub face: Face,
+    /// In the first fluid, degrees.
+    pub angle: f64,
+}
+
+impl Fact for ContactAngle {
+    fn unread(&self) -> Option<FactRule> {
+        Some(FactRule {
+            key: "contact_angle",
+            message: "no interface with a tension meets the walls of body `{body}`",
+            expected: "two fluids with a surface tension (`fluids` of the physics `fluid`), or no `contact_angle`",
+        })
+    }
+}
+
 /// Distances of the surface of a body from its outermost points by direction ([`Face::ALL`]), in spacings, as the sums over
 /// families make them for the field that is exchanged through the surface.
 #[derive(Clone, Copy, Debug)]

@@ -4,8 +4,11 @@
 //! that must vanish there (the normal one, and without slip the tangential ones) change sign, which is second
 //! order. With `layer = "constant"` the fluid behind the wall moves with it, as published (Gao (2020), eq.
 //! 5.102). This is first order: the velocity of the wall is reached a fraction of a spacing outside.
+//!
+//! A wall does not know which fluids meet there: it publishes the contact angle, for whoever has an interface.
 
-use perimelt_core::world::LayerHandle;
+use perimelt_core::numbers::check_within;
+use perimelt_core::world::{ContactAngle, LayerHandle};
 use perimelt_core::{
     Coupler, Face, LayerRole, Prepared, RunError, RunningCoupler, Setup, SetupError, Step,
     Stepping, World, keys,
@@ -33,6 +36,11 @@ pub struct Wall {
     /// The layer behind a wall without slip.
     #[serde(default)]
     pub layer: LayerKind,
+    /// Angle at which the interface of two fluids meets the wall, in the first fluid, degrees; when left out, 90, and the
+    /// wall has no energy of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0, "maximum" = 180))]
+    pub contact_angle: Option<f64>,
 }
 
 /// Whether a fluid sticks to a wall.
@@ -65,6 +73,18 @@ impl Wall {
 
 #[typetag::serialize(name = "wall")]
 impl Coupler for Wall {
+    fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        let angle = check_within("contact_angle", self.contact_angle, 0.0, 180.0)?;
+        let angles = angle.into_iter().flat_map(|angle| {
+            let faces = self.faces.iter();
+            faces.map(move |&face| ContactAngle { face, angle })
+        });
+        angles
+            .into_iter()
+            .try_for_each(|angle| setup.publish(body, angle))
+    }
+
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         if self.kind == WallKind::Slip && self.layer != LayerKind::default() {
@@ -144,6 +164,26 @@ mod tests {
         assert_eq!((slip.scale, slip.offset), ([1.0, -1.0, 1.0], [0.0; 3]));
     }
 
+    /// Angles reach whoever has an interface, and are a mistake where nobody has.
+    #[test]
+    fn angles_are_for_interfaces() {
+        let with = |has_interface: bool| {
+            let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
+            let wall = read::<Wall>("faces = ['x-', 'y+']\ncontact_angle = 60");
+            let prepared = prepare(&mut world, wall, |setup| {
+                setup.own(0, &keys::VELOCITY).expect("free");
+                match has_interface {
+                    true => setup.facts::<ContactAngle>(0).copied().collect(),
+                    false => Vec::new(),
+                }
+            });
+            prepared.map(|(_, angles)| angles).map_err(|e| e.key)
+        };
+        let angles = [Face::XMin, Face::YMax].map(|face| ContactAngle { face, angle: 60.0 });
+        assert_eq!(with(true), Ok(angles.to_vec()));
+        assert_eq!(with(false), Err("contact_angle".to_string()));
+    }
+
     #[test]
     fn walls_that_cannot_be_are_refused() {
         for (keys, key) in [
@@ -153,6 +193,7 @@ mod tests {
                 "layer",
             ),
             ("faces = []", "faces"),
+            ("faces = ['y+']\ncontact_angle = 181", "contact_angle"),
         ] {
             let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
             let message = refusal(&mut world, read::<Wall>(keys));

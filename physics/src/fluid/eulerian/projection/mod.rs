@@ -22,6 +22,7 @@ mod pressure;
 mod slots;
 #[cfg(test)]
 mod tests;
+mod wetting;
 
 use std::sync::Arc;
 
@@ -163,7 +164,7 @@ impl Projection {
             slots: FlowSlots::new(&family, dimension),
             viscosity: SlotField::default(),
             mixed_viscosity: Vec::new(),
-            phase: pair.map(|pair| Phase::new(pair, dimension, points)),
+            phase: pair.map(|pair| Phase::new(pair, body)),
             start: vec![Vector3::zeros(); points],
             middle: vec![Vector3::zeros(); points],
             diffusion: vec![0.0; points * (dimension + 1)],

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use perimelt_core::law::Law;
 use perimelt_core::numbers::{check_at_least, check_positive};
-use perimelt_core::world::BodyIndex;
+use perimelt_core::world::{BodyIndex, ContactAngle};
 use perimelt_core::{Body, Fact, Key, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -69,6 +69,8 @@ pub(in crate::fluid) struct FluidPair {
     pub(in crate::fluid) surface_tension: f64,
     /// Length over which the fraction changes, in spacings.
     pub(in crate::fluid) width: f64,
+    /// Cosine of the angle in the first fluid at which the interface meets each face; none where a wall has no angle.
+    pub(in crate::fluid) contact_cosine: [Option<f64>; 6],
 }
 
 /// Two fluids flow through the points of a body.
@@ -140,6 +142,10 @@ impl FluidPair {
             viscosity: [viscosity(0)?, viscosity(1)?],
             surface_tension,
             width,
+            contact_cosine: match surface_tension > 0.0 {
+                true => contact_cosines(setup, body),
+                false => [None; 6],
+            },
         })
     }
 
@@ -173,6 +179,15 @@ impl FluidPair {
         let of = |n: usize| self.viscosity[n] / self.density[n];
         of(0).max(of(1))
     }
+}
+
+/// Cosines of the angles at which the interface meets the faces of a body.
+fn contact_cosines(setup: &Setup<'_>, body: BodyIndex) -> [Option<f64>; 6] {
+    let mut cosines = [None; 6];
+    for wall in setup.facts::<ContactAngle>(body) {
+        cosines[wall.face as usize] = Some(wall.angle.to_radians().cos());
+    }
+    cosines
 }
 
 /// Index of a material of a body.

@@ -14,13 +14,14 @@
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
-use perimelt_core::family::Mirrored;
+use perimelt_core::family::{ByRules, Mirrored};
 use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::{Body, Bond, BondKernel, Family, Report, SlotField};
 use rayon::prelude::*;
 
 use super::pair::FluidPair;
 use super::slots::FlowSlots;
+use super::wetting::Wetting;
 use crate::fluid::rates::POINTS_PER_TASK;
 use crate::momentum::AXES;
 
@@ -71,22 +72,27 @@ pub(super) struct Phase {
     pub(super) pair: FluidPair,
     /// By point.
     pub(super) fraction: Vec<f64>,
-    /// Normals into the first fluid, rows of points.
-    normals: Vec<f64>,
+    wetting: Wetting,
+    /// Gradient of the distance, rows of points.
+    gradient: Vec<f64>,
     curvature: Vec<[f64; 1]>,
-    /// By slot: distance, m, and normals.
+    /// By slot: distance, m, steepness of the distance, and normals into the first fluid.
     distance: SlotField,
-    normal: Vec<SlotField>,
+    steepness: SlotField,
+    pub(super) normal: Vec<SlotField>,
 }
 
 impl Phase {
-    pub(super) fn new(pair: FluidPair, dimension: usize, points: usize) -> Self {
+    pub(super) fn new(pair: FluidPair, body: &Body) -> Self {
+        let (dimension, points) = (body.dimension, body.points.len());
         Phase {
+            wetting: Wetting::new(&pair, body),
             pair,
             fraction: vec![0.0; points],
-            normals: vec![0.0; points * dimension],
+            gradient: vec![0.0; points * dimension],
             curvature: vec![[0.0]; points],
             distance: SlotField::default(),
+            steepness: SlotField::default(),
             normal: vec![SlotField::default(); dimension],
         }
     }
@@ -105,27 +111,17 @@ impl Phase {
             let c = fraction[i].clamp(CUT, 1.0 - CUT);
             eps * (c / (1.0 - c)).ln()
         };
-        self.distance.load(family, distance, Mirrored::Scalar);
-        let (normals, _) = self.normals.as_chunks_mut::<D>();
-        family.sum(&Gradient { inverse }, [&self.distance], normals);
-        let each = normals.par_iter_mut().with_min_len(POINTS_PER_TASK);
-        each.for_each(|n| {
-            let square: f64 = n.iter().map(|x| x * x).sum();
-            let length = square.sqrt() + f64::MIN_POSITIVE;
-            n.iter_mut().for_each(|x| *x /= length);
-        });
-        for (axis, slots) in self.normal.iter_mut().enumerate() {
-            let along = |i: usize| normals[i][axis];
-            slots.load(family, along, Mirrored::Vector(axis));
-        }
-        for (axis, slots) in slots.compression.iter_mut().enumerate() {
-            let along = |i: usize| fraction[i] * (1.0 - fraction[i]) * normals[i][axis];
-            slots.load(family, along, Mirrored::Vector(axis));
-        }
+        (self.distance).load(family, distance, self.wetting.distance());
+        let (gradient, _) = self.gradient.as_chunks_mut::<D>();
+        family.sum(&Gradient { inverse }, [&self.distance], gradient);
         slots.fraction.load(family, &fraction[..], Mirrored::Scalar);
+        self.find_normals::<D>(family, slots);
         let inputs: [&[f64]; D] = std::array::from_fn(|a| &self.normal[a][..]);
         family.sum(&Divergence { inverse }, inputs, &mut self.curvature);
+        let scales = [eps, inverse];
+        (self.wetting).set_curvature(family, &self.distance, scales, &mut self.curvature);
         let gamma = self.pair.surface_tension;
+        let fraction = &self.fraction;
         let curvature = &self.curvature;
         let tension = |i: usize| -gamma * curvature[i][0];
         slots.tension.load(family, tension, Mirrored::Scalar);
@@ -134,6 +130,38 @@ impl Phase {
             c * c * (3.0 - 2.0 * c)
         };
         slots.step.load(family, step, Mirrored::Scalar);
+    }
+
+    /// Finds normals, and what compresses the layer between the fluids, from the gradient of the distance and the fraction. Behind
+    /// faces normals continue by the angle there, and compression by its mirror image: nothing crosses a wall.
+    fn find_normals<const D: usize>(&mut self, family: &Family, slots: &mut FlowSlots) {
+        let (gradient, _) = self.gradient.as_chunks::<D>();
+        for (axis, slots) in self.normal.iter_mut().enumerate() {
+            let along = |i: usize| gradient[i][axis];
+            slots.load(family, along, ByRules(&self.wetting.gradient, axis));
+        }
+        let normal = &self.normal;
+        let steepness = (0..self.distance.len()).into_par_iter().map(|slot| {
+            let mut square = 0.0;
+            for along in normal {
+                square += along[slot] * along[slot];
+            }
+            square.sqrt() + f64::MIN_POSITIVE
+        });
+        self.steepness.set(steepness);
+        let FlowSlots {
+            fraction,
+            compression,
+            ..
+        } = slots;
+        for (axis, (normal, compression)) in self.normal.iter_mut().zip(compression).enumerate() {
+            let each = normal.par_iter_mut().zip(&self.steepness[..]);
+            let each = each.with_min_len(POINTS_PER_TASK);
+            each.for_each(|(along, steepness)| *along /= steepness);
+            let each = fraction.par_iter().zip(&normal[..]);
+            compression.set(each.map(|(c, along)| c * (1.0 - c) * along));
+            compression.fill_ghosts(family, Mirrored::Vector(axis));
+        }
     }
 
     /// Speed at which the layer is kept thin in a flow of this largest speed, m/s.
@@ -151,7 +179,7 @@ impl Phase {
             velocity,
         } = measured;
         let volume = &body.points.volume;
-        let (slopes, _) = self.normals.as_chunks_mut::<D>();
+        let (slopes, _) = self.gradient.as_chunks_mut::<D>();
         family.sum(&Gradient { inverse }, [&slots.fraction], slopes);
         let steepness = |i: usize| slopes[i].iter().map(|x| x * x).sum::<f64>().sqrt();
         let [area] = sum_points(volume.len(), |i| [volume[i] * steepness(i)]);

@@ -210,6 +210,7 @@ const STEEL_AND_GAS: FluidPair = FluidPair {
     viscosity: [6.0, 2.0],
     surface_tension: 5.0,
     width: 0.75,
+    contact_cosine: [None; 6],
 };
 
 /// Densities add, viscosities act in series, also where a fraction overshoots; capillary waves have the step
@@ -310,4 +311,70 @@ fn a_drop_in_a_stream_keeps_volume_and_momentum() {
     assert!((end / start - 1.0).abs() < 1e-13, "{start} {end}");
     // tension along bonds and viscosity that jumps are not opposite at their ends; 2e-5 found
     assert!(change.norm() < 1e-4 * before.0.norm(), "{change:?}");
+}
+
+/// An interface normal to a wall that wants another angle is pulled along it by `gamma cos(theta)`, in the row of points at the wall;
+/// without an angle nothing pulls.
+#[test]
+fn walls_pull_at_an_interface() {
+    let (n, face) = (40, Face::YMin);
+    for (angle, cosine) in [
+        (None, 0.0),
+        (Some(60.0_f64), 0.5),
+        (Some(150.0), -0.75_f64.sqrt()),
+    ] {
+        let mut pair = STEEL_AND_GAS;
+        pair.contact_cosine[face as usize] = angle.map(|angle| angle.to_radians().cos());
+        let mut tank = Tank::with(2, n, sides(2), 2.015, Some(pair));
+        let spacing = 1.0 / n as f64;
+        let place = tank.body.points.position.clone();
+        let fraction = |x: &Vector3<f64>| 1.0 / (1.0 + ((x.x - 0.5) / (0.75 * spacing)).exp());
+        tank.rates
+            .set_fraction(&place.iter().map(fraction).collect::<Vec<_>>());
+        (tank.rates).set_fluxes(&tank.velocity, &tank.density, &tank.pressure);
+        let value = |slots: &SlotField, point: usize| slots[tank.rates.slot[point] as usize];
+        let row: Vec<usize> = (0..place.len()).filter(|i| place[*i].y < spacing).collect();
+        let slots = &tank.rates.slots;
+        let pull: f64 = (row.windows(2))
+            .map(|pair| {
+                let [tension, step] =
+                    [&slots.tension, &slots.step].map(|f| [value(f, pair[0]), value(f, pair[1])]);
+                0.5 * (tension[0] + tension[1]) * (step[1] - step[0]) * spacing
+            })
+            .sum();
+        // the first fluid lies at small x; the profile is some three spacings wide
+        let expected = 5.0 * cosine;
+        assert!(
+            (pull - expected).abs() < 0.1 * 5.0,
+            "{angle:?}: {pull} {expected}"
+        );
+    }
+}
+
+/// The distance from a plane interface that meets a wall at its angle continues behind it, and so do the normals.
+#[test]
+fn a_plane_that_meets_a_wall_at_its_angle_continues() {
+    let n = 24;
+    let mut pair = STEEL_AND_GAS;
+    pair.contact_cosine[Face::YMin as usize] = Some(0.5);
+    let mut tank = Tank::with(2, n, sides(2), 2.015, Some(pair));
+    let spacing = 1.0 / n as f64;
+    let place = tank.body.points.position.clone();
+    let normal = Vector3::new(0.75_f64.sqrt(), -0.5, 0.0);
+    let distance = |x: &Vector3<f64>| normal.dot(&(x - Vector3::new(0.5, 0.2, x.z)));
+    let fraction = |x: &Vector3<f64>| 1.0 / (1.0 + (-distance(x) / (0.75 * spacing)).exp());
+    tank.rates
+        .set_fraction(&place.iter().map(fraction).collect::<Vec<_>>());
+    (tank.rates).set_fluxes(&tank.velocity, &tank.density, &tank.pressure);
+    let phase = tank.rates.phase.as_ref().expect("two fluids");
+    for (i, place) in place.iter().enumerate() {
+        if place.y > spacing || distance(place).abs() > 3.0 * spacing {
+            continue;
+        }
+        let slot = tank.rates.slot[i] as usize;
+        for axis in 0..2 {
+            let found = phase.normal[axis][slot];
+            assert!((found - normal[axis]).abs() < 1e-4, "{i} {axis}: {found}");
+        }
+    }
 }

@@ -1,0 +1,113 @@
+//! Walls at which the interface of two fluids meets at an angle theta, measured in the first fluid.
+//!
+//! ```text
+//! psi'   = psi + 2 d cos(theta),   dpsi'/dN = 2 cos(theta) - dpsi/dN             at the depth d behind the wall, N into the wall
+//! -kappa = (1 - 2 c)/eps - eps lap c / (c (1 - c)),   c' = 1/(1 + exp(-psi'/eps))       in the row of points at the wall
+//! ```
+//!
+//! The first line is exact for a plane interface. With the second one the force of the row is that of the energy of interface and
+//! wall, `-gamma cos(theta)` per area that the first fluid covers, so that Young's law is the equilibrium; the first line alone fixes
+//! a direction without a force. A wall without an angle has the first line with 90 degrees, and no energy.
+
+use perimelt_core::family::{LayerRule, Rising};
+use perimelt_core::{Body, Bond, BondKernel, Face, Family, SlotField};
+use rayon::prelude::*;
+
+use super::pair::FluidPair;
+
+/// `c (1 - c)` below which the curvature of the row at a wall fades: there the interface has no force.
+const LEAST_STEEPNESS: f64 = 0.01;
+
+/// `sum_j 2 b (f_j - f_i)`.
+struct Laplacian {
+    /// `2 / a`, 1/m.
+    laplacian: f64,
+}
+
+impl BondKernel<1, 1> for Laplacian {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 1], other: [f64; 1]) -> [f64; 1] {
+        [bond.weight * self.laplacian * (other[0] - own[0])]
+    }
+}
+
+/// Walls of two fluids.
+#[derive(Debug)]
+pub(super) struct Wetting {
+    /// Cosines of the angles, by face.
+    cosine: [f64; 6],
+    /// How the gradient of the distance continues behind faces.
+    pub(super) gradient: Vec<LayerRule>,
+    /// Points next to a wall with an angle.
+    row: Vec<u32>,
+    /// By slot: fraction of the first fluid that follows from the distance.
+    profile: SlotField,
+    laplacian: Vec<[f64; 1]>,
+}
+
+impl Wetting {
+    pub(super) fn new(pair: &FluidPair, body: &Body) -> Self {
+        let cosine = pair.contact_cosine.map(|cosine| cosine.unwrap_or(0.0));
+        let closed = Face::ALL.into_iter().filter(|f| !body.periodic[f.axis()]);
+        let gradient = closed.map(|face| {
+            let outwards = if face.is_upper() { 1.0 } else { -1.0 };
+            let mut rule = LayerRule::even(face);
+            rule.scale[face.axis()] = -1.0;
+            rule.offset[face.axis()] = 2.0 * outwards * cosine[face as usize];
+            rule
+        });
+        let wetted = |f: &Face| pair.contact_cosine[*f as usize].is_some();
+        let walls = || Face::ALL.into_iter().filter(wetted);
+        let is_next_to = |point: usize, face: Face| {
+            let along = body.points.position[point][face.axis()];
+            (along - body.face_position(face)).abs() < body.finest_spacing()
+        };
+        let points = 0..body.points.len();
+        let row = points.filter(|point| walls().any(|face| is_next_to(*point, face)));
+        Wetting {
+            cosine,
+            gradient: gradient.collect(),
+            row: row.map(|point| point as u32).collect(),
+            profile: SlotField::default(),
+            laplacian: Vec::new(),
+        }
+    }
+
+    /// How the distance continues behind faces.
+    pub(super) fn distance(&self) -> Rising<impl Fn(usize, usize, f64) -> f64> {
+        let cosine = self.cosine;
+        Rising(move |axis: usize, _point: usize, across: f64| {
+            cosine[2 * axis + usize::from(across > 0.0)] * across.abs()
+        })
+    }
+
+    /// Replaces the curvature (1/m) in the row of points at walls, for an interface of the thickness `eps` (m); `inverse` is
+    /// `1 / a`.
+    pub(super) fn set_curvature(
+        &mut self,
+        family: &Family,
+        distance: &SlotField,
+        [eps, inverse]: [f64; 2],
+        curvature: &mut [[f64; 1]],
+    ) {
+        if self.row.is_empty() {
+            return;
+        }
+        let profile = distance
+            .par_iter()
+            .map(|psi| 1.0 / (1.0 + (-psi / eps).exp()));
+        self.profile.set(profile);
+        self.laplacian.resize(curvature.len(), [0.0]);
+        let kernel = Laplacian {
+            laplacian: 2.0 * inverse,
+        };
+        family.sum(&kernel, [&self.profile], &mut self.laplacian);
+        for &point in &self.row {
+            let point = point as usize;
+            let c = self.profile[family.slot_of(point)];
+            let steepness = c * (1.0 - c);
+            let energy = eps * self.laplacian[point][0] - steepness * (1.0 - 2.0 * c) / eps;
+            curvature[point] = [energy / steepness.max(LEAST_STEEPNESS)];
+        }
+    }
+}
