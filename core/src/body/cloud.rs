@@ -168,7 +168,9 @@ impl Body {
 impl Points {
     /// In spatial order, and as a cloud with the given slack.
     pub(super) fn into_cloud(self, slack: f64) -> (Points, Discretisation) {
-        let points = self.reordered(&spatial_order(&self.position, &self.spacing));
+        let mut order: Vec<u32> = (0..self.position.len() as u32).collect();
+        Curve::through(&self.position, &self.spacing).sort(&mut order, &self.position, |p| p);
+        let points = self.reordered(&order);
         let cloud = Cloud::new(points.position.clone(), &points.spacing, slack);
         (points, Discretisation::Cloud(cloud))
     }
@@ -187,23 +189,43 @@ impl Points {
     }
 }
 
-/// Order of points along a Z-order curve of their cells, with which families are contiguous in memory.
-pub(crate) fn spatial_order(position: &[Vector3<f64>], spacing: &[f64]) -> Vec<u32> {
-    let low = position
-        .iter()
-        .fold(Vector3::repeat(f64::INFINITY), |low, x| low.inf(x));
-    let finest = spacing.iter().copied().fold(f64::INFINITY, f64::min);
-    let code = |x: &Vector3<f64>| {
-        let cell = (x - low).map(|d| ((d / finest + 0.5) as u64).min((1 << 21) - 1));
+/// Cells of a Z-order curve along which points are sorted, so that families are contiguous in memory.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Curve {
+    /// Lower corner of the first cell, m.
+    low: Vector3<f64>,
+    /// Width of a cell: the finest spacing, m.
+    pub(crate) width: f64,
+}
+
+impl Curve {
+    /// Through points with these spacings, m.
+    pub(crate) fn through(position: &[Vector3<f64>], spacing: &[f64]) -> Curve {
+        let none = Vector3::repeat(f64::INFINITY);
+        Curve {
+            low: position.iter().fold(none, |low, x| low.inf(x)),
+            width: spacing.iter().copied().fold(f64::INFINITY, f64::min),
+        }
+    }
+
+    /// Sorts points by their cells, those of one cell by their numbers.
+    pub(crate) fn sort(
+        &self,
+        points: &mut [u32],
+        position: &[Vector3<f64>],
+        number: impl Fn(u32) -> u32,
+    ) {
+        points.sort_by_cached_key(|&p| (self.cell(&position[p as usize]), number(p)));
+    }
+
+    /// Number of the cell of a point along the curve.
+    fn cell(&self, x: &Vector3<f64>) -> u64 {
+        let cell = (x - self.low).map(|d| ((d / self.width + 0.5) as u64).min((1 << 21) - 1));
         (0..21).fold(0_u64, |code, bit| {
             let part = |axis: usize| (cell[axis] >> bit & 1) << (3 * bit + axis);
             code | part(0) | part(1) | part(2)
         })
-    };
-    let codes: Vec<u64> = position.iter().map(code).collect();
-    let mut order: Vec<u32> = (0..position.len() as u32).collect();
-    order.sort_by_key(|&p| (codes[p as usize], p));
-    order
+    }
 }
 
 /// Splitmix64 (Steele, Lea and Flood, 2014).

@@ -16,7 +16,7 @@ mod part;
 mod table;
 mod zones;
 
-pub(crate) use cloud::spatial_order;
+pub(crate) use cloud::Curve;
 pub use cloud::{Cloud, Jitter};
 pub use cut::Cut;
 pub use face::{Face, SurfaceCell};

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Body, Discretisation, Horizon, Lattice, NO_POINT, Points};
+use super::{Body, Curve, Discretisation, Horizon, Lattice, NO_POINT, Points};
 
 /// A part of a body: the points that it owns, then the *remote* ones around them that others own, each in the order of the whole
 /// body. A family of a part ([`Family::of_part`](crate::Family::of_part)) has the bonds of the owned points, in the order in
@@ -13,9 +13,24 @@ pub struct Part {
     pub(crate) body: Body,
     pub(crate) owned: usize,
     pub(crate) numbers: Vec<u32>,
+    /// That of the whole body.
+    pub(crate) curve: Curve,
+    /// Largest spacing in the whole body, m.
+    pub(crate) coarsest: f64,
 }
 
 impl Part {
+    /// The part that owns all points.
+    pub(crate) fn whole(body: &Body) -> Part {
+        Part {
+            owned: body.points.len(),
+            numbers: (0..body.points.len() as u32).collect(),
+            curve: Curve::through(&body.points.position, &body.points.spacing),
+            coarsest: body.coarsest_spacing(),
+            body: body.clone(),
+        }
+    }
+
     /// The part of `body` that owns the given points (ascending), for families of this horizon. Remote points are those up to
     /// three horizons beyond the box of the owned ones: the weights of a bond depend on the families of both ends, and which
     /// of them share the stencil on those of their members.
@@ -49,6 +64,8 @@ impl Part {
             body: body.subset(&numbers),
             owned: owned.len(),
             numbers,
+            curve: Curve::through(&body.points.position, &body.points.spacing),
+            coarsest: body.coarsest_spacing(),
         }
     }
 

@@ -51,7 +51,10 @@ impl Family {
     }
 
     /// Keeps those remote points only that bonds reach, directly or by an image.
-    fn forget_unreached(&mut self) {
+    pub(super) fn forget_unreached(&mut self) {
+        if self.slots.remote.is_empty() {
+            return;
+        }
         let mut is_reached = vec![false; self.slots.len];
         for point in 0..self.points {
             self.for_each_bond(point, |_, _, slot| is_reached[slot] = true);

@@ -37,6 +37,8 @@ mod kernel;
 mod lattice;
 mod layer;
 mod moving;
+#[cfg(test)]
+mod moving_tests;
 mod operator;
 #[cfg(test)]
 mod part_tests;

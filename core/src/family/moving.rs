@@ -9,7 +9,7 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use crate::body::{Body, spatial_order};
+use crate::body::{Body, Curve, Part};
 use crate::cell_list::CellList;
 use crate::neighbours::{self, Reaching};
 
@@ -26,9 +26,9 @@ const SKIN: f64 = 0.5;
 /// Rows that a thread weighs at once.
 const ROWS_PER_TASK: usize = 512;
 
-/// Width of the skin of families of a body, m.
-pub(crate) fn skin(body: &Body) -> f64 {
-    SKIN * body.finest_spacing()
+/// Width of the skin of families of a body with this finest spacing, m.
+pub(crate) fn skin(finest: f64) -> f64 {
+    SKIN * finest
 }
 
 /// Refuses what a family of moving points does not support.
@@ -63,8 +63,14 @@ fn check(body: &Body, spec: &FamilySpec) -> Result<(), FamilyError> {
 /// Data by which a family follows its points.
 #[derive(Debug)]
 pub(super) struct Following {
-    /// The body with current positions and volumes, by slot.
+    /// The body with current positions and volumes, by slot: the owned points, then those of other parts, each along the curve.
     body: Body,
+    /// Number of the points that have bonds.
+    owned: usize,
+    /// Number in the whole body of each point.
+    numbers: Vec<u32>,
+    /// Largest spacing in the whole body, m.
+    coarsest: f64,
     /// By point, m.
     spacing_of_point: Vec<f64>,
     /// By slot, m.
@@ -86,23 +92,49 @@ impl Family {
     /// See [`Family::build`]; also for cuts, corrections and different horizons, which families of moving points do not
     /// support.
     pub fn moving(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
-        check(body, spec)?;
+        Family::of_moving_part(Part::whole(body), spec)
+    }
+
+    /// A family of the points that a part of a body owns, which can follow them until one of them needs new rows: then the body
+    /// is divided anew. Slots of remote points are filled by an exchange ([`Family::remote`]), which brings their positions
+    /// and volumes, too.
+    ///
+    /// # Errors
+    /// See [`Family::moving`].
+    pub fn of_moving_part(part: Part, spec: &FamilySpec) -> Result<Family, FamilyError> {
+        let Part {
+            body,
+            owned,
+            numbers,
+            curve,
+            coarsest,
+        } = part;
+        check(&body, spec)?;
+        let (positions, volumes) = (body.points.position.clone(), body.points.volume.clone());
+        let slots = PointSlots::sorted(Vec::new());
+        let mut family = Family {
+            points: owned,
+            ..Family::of_rows(&body, spec, Store::default(), slots)
+        };
+        let rows = CloudRows::new(&body, Rows::default());
         let spacings = &body.points.spacing;
         let following = Following {
-            body: body.clone(),
+            owned,
+            numbers,
+            coarsest,
             spacing_of_point: spacings.clone(),
             horizon: spacings.iter().map(|s| spec.horizon.of(*s)).collect(),
-            skin: skin(body),
+            skin: skin(curve.width),
             list: CellList::default(),
-            unit_moment: spec.moment(body, 1.0),
+            unit_moment: spec.moment(&body, 1.0),
             volume: Vec::new(),
             spacing: Vec::new(),
+            body,
         };
-        let rows = CloudRows::new(body, Rows::default());
-        let store = Store::Moving(rows, Box::new(following));
-        let mut family = Family::of_rows(body, spec, store, PointSlots::sorted(Vec::new()));
-        family.rebuild_rows(&body.points.position);
-        family.weigh(&body.points.volume);
+        family.store = Store::Moving(rows, Box::new(following));
+        family.find_rows(&positions, curve);
+        family.forget_unreached();
+        family.weigh(&volumes);
         Ok(family)
     }
 
@@ -124,16 +156,36 @@ impl Family {
     /// that [`Family::slots`] changes. The weights are valid only after [`Family::update_weights`].
     ///
     /// # Panics
-    /// When the family does not move, or for another number of points.
+    /// When the family does not move or is that of a part, or for another number of points.
     pub fn rebuild_rows(&mut self, positions: &[Vector3<f64>]) {
-        let Store::Moving(cloud, following) = &mut self.store else {
+        let Store::Moving(_, following) = &self.store else {
             panic!("the family does not move");
         };
-        let order = spatial_order(positions, &following.spacing_of_point);
+        assert!(following.is_whole(), "a part is cut anew");
+        let curve = Curve::through(positions, &following.spacing_of_point);
+        self.find_rows(positions, curve);
+    }
+
+    /// Finds slots and rows of points at these positions (m), sorted along the curve.
+    fn find_rows(&mut self, positions: &[Vector3<f64>], curve: Curve) {
+        let Store::Moving(cloud, following) = &mut self.store else {
+            return;
+        };
+        let order = following.order(positions, curve);
+        let ranks = following.ranks(&order, positions, curve);
         self.slots.points = PointSlots::sorted(order.clone());
-        let mut images =
-            following.find_rows(&self.spec, &self.slots.points, positions, &mut cloud.rows);
-        cloud.rows.point.clone_from(&order);
+        let mut images = following.find_rows(
+            &self.spec,
+            (&self.slots.points, &ranks),
+            positions,
+            &mut cloud.rows,
+        );
+        let (owned, remote) = order.split_at(following.owned);
+        cloud.rows.point.clear();
+        cloud.rows.point.extend(owned);
+        self.slots.remote = (following.owned as u32..)
+            .zip(remote.iter().copied())
+            .collect();
         self.layer_rows = match self.spec.audited.is_empty() {
             true => Rows::joined(&[]),
             false => cloud.rows.of_columns(&images.audited),
@@ -179,16 +231,47 @@ impl Family {
 }
 
 impl Following {
+    fn is_whole(&self) -> bool {
+        self.owned == self.numbers.len()
+    }
+
+    /// The point in each slot.
+    fn order(&self, positions: &[Vector3<f64>], curve: Curve) -> Vec<u32> {
+        let mut order: Vec<u32> = (0..positions.len() as u32).collect();
+        let (owned, remote) = order.split_at_mut(self.owned);
+        for points in [owned, remote] {
+            curve.sort(points, positions, |p| self.numbers[p as usize]);
+        }
+        order
+    }
+
+    /// Place of the point in each slot along the curve through all points.
+    fn ranks(&self, order: &[u32], positions: &[Vector3<f64>], curve: Curve) -> Vec<u32> {
+        let mut ranks: Vec<u32> = (0..order.len() as u32).collect();
+        if !self.is_whole() {
+            let mut along = order.to_vec();
+            curve.sort(&mut along, positions, |p| self.numbers[p as usize]);
+            let slots = PointSlots::sorted(order.to_vec());
+            for (rank, point) in (0..).zip(along) {
+                ranks[slots.of(point as usize)] = rank;
+            }
+        }
+        ranks
+    }
+
     /// Finds the rows of points in their slots at these positions (m), and their images.
     fn find_rows(
         &mut self,
         spec: &FamilySpec,
-        points: &PointSlots,
+        (points, ranks): (&PointSlots, &[u32]),
         positions: &[Vector3<f64>],
         rows: &mut Rows,
     ) -> Images {
+        let is_whole = self.is_whole();
         let Following {
             body,
+            owned,
+            coarsest,
             spacing_of_point,
             horizon,
             skin,
@@ -199,16 +282,19 @@ impl Following {
         points.arrange(spacing_of_point, &mut body.points.spacing);
         let spacings = horizon.iter_mut().zip(&body.points.spacing);
         spacings.for_each(|(h, s)| *h = spec.horizon.of(*s));
-        let coarsest = body.coarsest_spacing();
-        let reach = horizon.iter().map(|h| spec.reach(*h, coarsest) + *skin);
+        let reach = horizon.iter().map(|h| spec.reach(*h, *coarsest) + *skin);
         let reach: Vec<f64> = reach.collect();
         let widest = reach.iter().copied().fold(0.0, f64::max);
-        let numbers: Vec<u32> = (0..body.points.len() as u32).collect();
-        let images = Images::new(Share::whole(body, &numbers), spec, widest);
+        let share = Share {
+            body,
+            owned: *owned,
+            numbers: ranks,
+        };
+        let images = Images::new(share, spec, widest);
         let reaches: Vec<f64> = images.point.iter().map(|&p| reach[p as usize]).collect();
         let owners = Reaching {
-            positions: &body.points.position,
-            reach: &reach,
+            positions: &body.points.position[..*owned],
+            reach: &reach[..*owned],
         };
         let candidates = Reaching {
             positions: &images.position,
@@ -224,12 +310,15 @@ impl Following {
             ..
         } = rows;
         slot.clear();
-        slot.extend(0..reach.len() as u32);
+        slot.extend(0..near.len() as u32);
         column.clear();
         column.reserve(near.iter().map(Vec::len).sum::<usize>() + ROW_LANES);
         start.clear();
         start.push(0);
-        for row in near {
+        for mut row in near {
+            if !is_whole {
+                row.sort_by_key(|slot| images.rank[*slot as usize]);
+            }
             column.extend(row);
             start.push(column.len());
         }
@@ -312,128 +401,5 @@ impl Rows {
         // the last row is read a few lanes further
         kept.column.extend([0; ROW_LANES]);
         kept
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::body::Cut;
-    use crate::body::{Face, Jitter};
-    use crate::family::{Bond, BondKernel, Mirrored, SlotField};
-    use crate::shape::{BoxShape, Shape};
-
-    struct Pull;
-
-    impl BondKernel<1, 3> for Pull {
-        #[inline(always)]
-        fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 3] {
-            bond.xi.map(|xi| bond.weight * xi * (other - own))
-        }
-    }
-
-    #[test]
-    fn the_order_of_the_points_does_not_matter() {
-        let shape = Shape::Box(BoxShape {
-            min: [0.0; 3],
-            max: [0.8, 0.6, 0.5],
-        });
-        let body = Body::fill("block", &shape, 3, 0.1, 0.5).expect("valid");
-        let body = body.jittered(Jitter {
-            amplitude: 0.3,
-            seed: 5,
-        });
-        let mut body = body.expect("valid");
-        let spec = FamilySpec {
-            layers: vec![Face::XMin, Face::ZMax],
-            correction: Correction::None,
-            ..FamilySpec::new(0.25)
-        };
-        let sums = |body: &Body| {
-            let mut family = Family::moving(body, &spec).expect("valid");
-            // with the old rows, then with new ones
-            let mut all = Vec::new();
-            for (way, is_near) in [(0.01, true), (0.2, false)] {
-                let moved = body.points.position.iter();
-                let moved: Vec<_> = moved.map(|x| x + Vector3::x() * way * x.y).collect();
-                if !is_near {
-                    family.rebuild_rows(&moved);
-                }
-                family.update_weights(&moved, &body.points.volume);
-                let values: Vec<f64> = moved.iter().map(|x| (x.x * x.y).exp() + x.z).collect();
-                let mut slots = SlotField::default();
-                slots.load(&family, &values[..], Mirrored::Scalar);
-                let mut sums = vec![[0.0; 3]; values.len()];
-                family.sum(&Pull, [&slots], &mut sums);
-                let bonds = (0..values.len()).map(|p| family.bonds_of(p) as f64);
-                let slots = (0..values.len()).map(|p| slots[family.slot_of(p)]);
-                let rest = bonds
-                    .zip(slots)
-                    .zip(&values)
-                    .map(|((b, s), v)| [b, s - v, 0.0]);
-                all.push(sums.iter().copied().zip(rest).collect::<Vec<_>>());
-            }
-            all
-        };
-        let expected = sums(&body);
-        let points = body.points.len();
-        // 7 and the number of points have no common divisor
-        let order: Vec<usize> = (0..points).map(|i| 7 * i % points).collect();
-        let (position, volume) = (body.points.position.clone(), body.points.volume.clone());
-        for (at, &from) in order.iter().enumerate() {
-            body.points.position[at] = position[from];
-            body.points.volume[at] = volume[from];
-        }
-        for (found, expected) in sums(&body).iter().zip(&expected) {
-            for (found, from) in found.iter().zip(&order) {
-                let (sum, rest) = expected[*from];
-                assert_eq!(found.1, rest);
-                assert_eq!(rest[1], 0.0, "a slot holds its point");
-                assert!((0..3).all(|a| (found.0[a] - sum[a]).abs() < 1e-12));
-            }
-        }
-    }
-
-    #[test]
-    fn a_point_far_outside_of_its_box_is_no_panic() {
-        let shape = Shape::Box(BoxShape {
-            min: [0.0; 3],
-            max: [0.8, 0.6, 0.1],
-        });
-        let mut body = Body::fill("block", &shape, 2, 0.1, 0.5).expect("valid");
-        body.periodic = [true, false, false];
-        let spec = FamilySpec {
-            layers: vec![Face::YMin, Face::YMax],
-            correction: Correction::None,
-            ..FamilySpec::new(0.25)
-        };
-        let mut family = Family::moving(&body, &spec).expect("valid");
-        let mut positions = body.points.position.clone();
-        // only its second periodic copy lies near the box
-        positions[0].x = 2.5 * 0.8;
-        family.rebuild_rows(&positions);
-        assert!(family.slots() > body.points.len());
-    }
-
-    #[test]
-    fn what_a_moving_family_does_not_support_is_refused() {
-        let shape = Shape::Box(BoxShape {
-            min: [0.0; 3],
-            max: [0.8, 0.6, 0.1],
-        });
-        let body = Body::fill("block", &shape, 2, 0.1, 0.5).expect("valid");
-        let plain = FamilySpec {
-            correction: Correction::None,
-            ..FamilySpec::new(0.25)
-        };
-        Family::moving(&body, &plain).expect("supported");
-        let corrected = FamilySpec::new(0.25);
-        let error = Family::moving(&body, &corrected).expect_err("corrected");
-        assert!(error.to_string().contains("correction"), "{error}");
-        let mut cut = body.clone();
-        let line = Cut::segment([0.4, 0.0], [0.4, 0.6]).expect("it has a length");
-        cut.cuts.push(line);
-        let error = Family::moving(&cut, &plain).expect_err("cut");
-        assert!(error.to_string().contains("crack"), "{error}");
     }
 }

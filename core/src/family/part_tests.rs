@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use super::{
-    Bond, BondKernel, ByRules, Correction, Direction, Family, FamilySpec, Folded, GhostRule,
-    Influence, LayerRule, Mirrored, SlotField,
+    Bond, BondKernel, ByRules, Correction, Direction, Family, FamilyError, FamilySpec, Folded,
+    GhostRule, Influence, LayerRule, Mirrored, SlotField, moving,
 };
 use crate::Axis;
 use crate::body::{Body, Face, Horizon, Jitter, Part, Store, Zone};
@@ -36,6 +36,20 @@ impl BondKernel<3, 4> for Stretch {
     }
 }
 
+/// Rates of the velocity and of the density of a fluid, from velocity and density.
+struct Stream;
+
+impl BondKernel<4, 4> for Stream {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 4], other: [f64; 4]) -> [f64; 4] {
+        let pressure = own[3] + other[3] - 2.0;
+        let rate: [f64; 3] = std::array::from_fn(|a| other[a] - own[a]);
+        let along = rate[0] * bond.xi[0] + rate[1] * bond.xi[1] + rate[2] * bond.xi[2];
+        let force = |a: usize| bond.weight * (0.01 * rate[a] - 20.0 * pressure * bond.xi[a]);
+        [force(0), force(1), force(2), -own[3] * bond.weight * along]
+    }
+}
+
 /// A body in parts, in one process.
 struct World {
     parts: Vec<Part>,
@@ -47,6 +61,15 @@ struct World {
 impl World {
     /// `part_of` tells the part of each point.
     fn new(body: &Body, spec: &FamilySpec, part_of: impl Fn(&Vector3<f64>) -> usize) -> World {
+        World::with(body, spec, part_of, |part| Family::of_part(part, spec))
+    }
+
+    fn with(
+        body: &Body,
+        spec: &FamilySpec,
+        part_of: impl Fn(&Vector3<f64>) -> usize,
+        family: impl Fn(&Part) -> Result<Family, FamilyError>,
+    ) -> World {
         let part_of: Vec<usize> = body.points.position.iter().map(part_of).collect();
         let part = |number: usize| {
             let points = (0..part_of.len() as u32).filter(|p| part_of[*p as usize] == number);
@@ -55,7 +78,7 @@ impl World {
         let parts: Vec<Part> = (0..=part_of.iter().copied().max().unwrap_or(0))
             .map(part)
             .collect();
-        let families = parts.iter().map(|part| Family::of_part(part, spec));
+        let families = parts.iter().map(family);
         let mut owner = vec![(0, 0); part_of.len()];
         for (number, part) in parts.iter().enumerate() {
             for (point, global) in part.numbers()[..part.owned()].iter().enumerate() {
@@ -172,10 +195,95 @@ fn moved(world: &World, body: &Body) -> Vec<[f64; 4]> {
     all.map(|(u, sum)| [u.x, u.y, u.z, sum[3]]).collect()
 }
 
+/// A fluid whose points move: where they are, their velocity and density.
+struct Fluid {
+    body: Body,
+    velocity: Vec<Vector3<f64>>,
+    density: Vec<f64>,
+    /// Points that another part owned before.
+    handed_over: usize,
+}
+
+impl Fluid {
+    /// A vortex that carries points across the middle of the block.
+    fn vortex(mut body: Body) -> Fluid {
+        let jitter = Jitter {
+            amplitude: 0.1,
+            seed: 9,
+        };
+        body = body.jittered(jitter).expect("valid");
+        let velocity = body.points.position.iter();
+        let velocity = velocity.map(|x| Vector3::new(x.y - 0.95, 0.85 - x.x, 0.1 * x.y * x.x));
+        Fluid {
+            velocity: velocity.collect(),
+            density: vec![1.0; body.points.len()],
+            handed_over: 0,
+            body,
+        }
+    }
+
+    /// Moves the points; parts are cut anew when a point has moved by half the skin.
+    fn flow(&mut self, spec: &FamilySpec, part_of: impl Fn(&Vector3<f64>) -> usize + Copy) {
+        let volume = self.body.points.volume.clone();
+        let half_skin = 0.5 * moving::skin(self.body.finest_spacing());
+        let mut found_at = Vec::<Vector3<f64>>::new();
+        let mut world: Option<World> = None;
+        for _ in 0..40 {
+            let positions = &self.body.points.position;
+            let mut ways = positions.iter().zip(&found_at);
+            if found_at.is_empty() || ways.any(|(x, before)| (x - before).norm() > half_skin) {
+                let of_part = |part: &Part| Family::of_moving_part(part.clone(), spec);
+                let cut = World::with(&self.body, spec, part_of, of_part);
+                if let Some(before) = world.replace(cut) {
+                    let now = world.iter().flat_map(|w| &w.owner);
+                    let owners = before.owner.iter().zip(now);
+                    self.handed_over += owners.filter(|(a, b)| a.0 != b.0).count();
+                }
+                found_at.clone_from(positions);
+            }
+            let world = world.as_mut().expect("it was cut");
+            for (part, family) in world.parts.iter().zip(&mut world.families) {
+                let of_part = |point: &u32| positions[*point as usize];
+                let positions: Vec<_> = part.numbers().iter().map(of_part).collect();
+                let volumes = part.numbers().iter().map(|p| volume[*p as usize]);
+                family.update_weights(&positions, &volumes.collect::<Vec<_>>());
+            }
+            let component =
+                |axis: usize| -> Vec<f64> { self.velocity.iter().map(|v| v[axis]).collect() };
+            let [x, y, z] =
+                [0, 1, 2].map(|axis| world.load(&component(axis), Mirrored::Vector(axis)));
+            let density = world.load(&self.density, Mirrored::Scalar);
+            let sums = world.sum(&Stream, &[x, y, z, density]);
+            for (point, [x, y, z, density]) in sums.into_iter().enumerate() {
+                self.velocity[point] += 2e-3 * Vector3::new(x, y, z);
+                self.density[point] += 2e-2 * density;
+                self.body.points.position[point] += 2e-2 * self.velocity[point];
+            }
+        }
+    }
+
+    fn bits(&self) -> Vec<[u64; 7]> {
+        let points = self.body.points.position.iter().zip(&self.velocity);
+        let points = points.zip(&self.density);
+        let bits = |((x, v), d): ((&Vector3<f64>, &Vector3<f64>), &f64)| {
+            [x.x, x.y, x.z, v.x, v.y, v.z, *d].map(f64::to_bits)
+        };
+        points.map(bits).collect()
+    }
+}
+
 fn block(dimension: usize) -> Body {
     let (min, max) = ([0.0; 3], [1.7, 1.9, 2.1]);
     let shape = Shape::Box(BoxShape { min, max });
     Body::fill("block", &shape, dimension, 0.1, 1.0).expect("valid")
+}
+
+fn pool(dimension: usize) -> Body {
+    let shape = Shape::Box(BoxShape {
+        min: [0.0; 3],
+        max: [1.7, 1.9, 0.5],
+    });
+    Body::fill("pool", &shape, dimension, 0.1, 1.0).expect("valid")
 }
 
 fn spec(layers: &[Face], correction: Correction) -> FamilySpec {
@@ -322,5 +430,36 @@ fn sums_of_ghosts_come_back_to_the_owners() {
         World::new(&body, &spec, four),
     ] {
         assert_eq!(folded(&parts), expected);
+    }
+}
+
+#[test]
+fn a_moving_fluid_in_parts_has_the_bits_of_the_whole() {
+    for dimension in [2, 3] {
+        for layers in [&[][..], &[Face::XMin, Face::XMax, Face::YMin, Face::YMax]] {
+            let spec = FamilySpec {
+                horizon: Horizon::Spacings(2.015),
+                ..spec(layers, Correction::None)
+            };
+            let mut whole = Fluid::vortex(pool(dimension));
+            whole.flow(&spec, |_| 0);
+            assert!(
+                whole
+                    .bits()
+                    .iter()
+                    .flatten()
+                    .all(|b| f64::from_bits(*b).is_finite())
+            );
+            for part_of in [
+                &two(0, 0.8) as &dyn Fn(&Vector3<f64>) -> usize,
+                &two(1, 0.95),
+                &four,
+            ] {
+                let mut parts = Fluid::vortex(pool(dimension));
+                parts.flow(&spec, part_of);
+                assert!(parts.handed_over > 10, "{}", parts.handed_over);
+                assert!(parts.bits() == whole.bits(), "{dimension}D");
+            }
+        }
     }
 }

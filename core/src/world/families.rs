@@ -96,7 +96,7 @@ impl World {
             }))
         } else if self.moves_freely(body) {
             Store::Moving {
-                skin: skin(this),
+                skin: skin(this.finest_spacing()),
                 state: RefCell::new(MovingState {
                     family: Arc::new(Family::moving(this, spec)?),
                     found_at: FoundAt::new(&this.points.position),
