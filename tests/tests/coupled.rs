@@ -537,3 +537,64 @@ fn plugins_that_need_points_at_rest_are_refused_where_a_fluid_moves_them() {
         }
     }
 }
+
+/// Area of the pool on the surface and its depth below the arc (m2, m), of `spot_pool` with points of half a millimetre and
+/// another table of melt flow.
+fn spot_pool(flow: &str) -> [f64; 2] {
+    const SPACING: f64 = 5e-4;
+    let path = perimelt_tests::root().join("cases/welding/spot_pool.toml");
+    let text = std::fs::read_to_string(&path).expect("readable");
+    let start = text
+        .find("[[physics]]\ntype = \"melt_flow\"")
+        .expect("there");
+    let end = text.find("[[physics]]\ntype = \"thermal\"").expect("there");
+    let text = format!("{}{flow}{}", &text[..start], &text[end..]);
+    let text = text.replace("= 2.5e-4", "= 5e-4");
+    let case = Case::parse("spot_pool.toml", text, Path::new("")).expect("a valid case");
+    let mut simulation = case
+        .compose()
+        .unwrap_or_else(|e| panic!("{}", e.render(false)));
+    finish(&mut simulation);
+    let liquid = values(&simulation, "liquid_fraction");
+    let points = simulation
+        .world()
+        .body(0)
+        .points
+        .position
+        .iter()
+        .zip(liquid);
+    let [mut area, mut depth] = [0.0; 2];
+    for (x, liquid) in points {
+        area += if x.z > -SPACING {
+            liquid * SPACING.powi(2)
+        } else {
+            0.0
+        };
+        depth += if x.x.max(x.y) < SPACING {
+            liquid * SPACING
+        } else {
+            0.0
+        };
+    }
+    [area, depth]
+}
+
+/// Melt that flows outwards along the surface makes the pool wide and shallow, melt that flows inwards narrow and deep.
+#[test]
+fn the_slope_of_the_surface_tension_decides_the_shape_of_the_pool() {
+    let with = |slope: f64| {
+        spot_pool(&format!(
+            "[[physics]]\ntype = \"melt_flow\"\nviscosity_factor = 30\n\
+             surface = {{ faces = [\"z+\"], tension.slope = {slope} }}\n\n"
+        ))
+    };
+    let ([area, depth], out, inwards) = (spot_pool(""), with(-4e-4), with(4e-4));
+    assert!(
+        out[0] > 1.05 * area && out[1] < 0.75 * depth,
+        "{out:?} {area} {depth}"
+    );
+    assert!(
+        inwards[0] < 0.9 * area && inwards[1] > 1.2 * depth,
+        "{inwards:?} {area} {depth}"
+    );
+}
