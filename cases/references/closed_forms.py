@@ -359,7 +359,8 @@ def wetting() -> dict[str, float]:
     """Drops that wet a wall, with the content of half a circle of the radius 1 or half a sphere of 1.2."""
     found = {}
     for name, dimension, start, layer, angles in (
-        ("two-fluids-wetting", 2, 1.0, 0.75 * 0.05, (30, 60, 90, 120, 150)),
+        ("two-fluids-wetting", 2, 1.0, 0.75 * 0.05, (30, 60, 90, 120)),
+        ("two-fluids-wetting", 2, 1.0, 0.75 * 0.035, (150,)),
         ("two-fluids-wetting-sphere", 3, 1.2, 0.75 * 0.1, (60, 120)),
     ):
         content, _ = drop_on_wall(pi / 2, start, layer, dimension)
