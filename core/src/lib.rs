@@ -70,7 +70,7 @@ pub use programme::Programme;
 pub use setup::{Access, ClaimedLayers, ExpectedGift, GivenValue, LayerRole, Setup, Warning};
 pub use simulation::Simulation;
 pub use stepping::{Step, StepLimits, StepSize, Stepping, Update, Work};
-pub use surface_tension::SurfaceTension;
+pub use surface_tension::{SurfaceTension, TensionLaw};
 pub use world::activity::ActivityChanges;
 pub use world::changes::{Change, Changes};
 pub use world::configuration::{Configuration, Description, PointMover};

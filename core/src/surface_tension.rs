@@ -1,6 +1,6 @@
-//! Surface tension of a melt against its gas, and how it changes with temperature.
+//! Surface tension, and how it changes with temperature.
 //!
-//! Its slope drives flow along surfaces (Marangoni): a negative one drives the melt from hot to cold, a positive one, as sulphur
+//! Its slope drives flow along surfaces by the stress `dgamma/dT grad_s T` (Marangoni): a negative one drives the melt from hot to cold, a positive one, as sulphur
 //! causes it in steel, from cold to hot.
 //!
 //! Sahoo, DebRoy & McNallan (1988), iron with sulphur; docs/theory/melt_flow.md:
@@ -11,15 +11,19 @@
 //!
 //! with the activity `a` of sulphur in mass %.
 
+use std::ops::Range;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::SetupError;
 use crate::material::Property;
 use crate::numbers::{check_finite, check_within};
+use crate::setup::Setup;
+use crate::world::BodyIndex;
 
 /// How the surface tension depends on temperature.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SurfaceTension {
     /// The property `surface_tension` of the material.
@@ -38,10 +42,61 @@ const SATURATION: f64 = 1.3e-5;
 const ADSORPTION: f64 = 1.66e5;
 /// Entropy factor of the adsorption.
 const ENTROPY: f64 = 3.18e-3;
-/// Slope of clean iron, N/(m K).
+/// Slope of clean iron, N/(m K), and its tension (N/m) at its melting temperature (K).
 const CLEAN: f64 = -4.3e-4;
+const CLEAN_TENSION: f64 = 1.943;
+const MELTING: f64 = 1809.0;
+/// Steels melt between these temperatures, K.
+const STEEL: Range<f64> = 1550.0..1850.0;
+
+/// A surface tension with what it takes from a material.
+#[derive(Clone, Debug)]
+pub struct TensionLaw {
+    law: SurfaceTension,
+    property: Property,
+    /// Temperature at which the property is that of a constant slope, K.
+    reference_temperature: f64,
+}
 
 impl SurfaceTension {
+    /// The tension of a material of a body; mistakes are blamed on `key`. Warns of sulphur in a metal that is no steel, by its
+    /// melting temperature.
+    ///
+    /// # Errors
+    /// Numbers outside of their ranges, or a material without the property that [`SurfaceTension::Material`] needs.
+    pub fn prepare(
+        self,
+        key: &str,
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+        material: u16,
+    ) -> Result<TensionLaw, SetupError> {
+        self.check(key)?;
+        let this = &setup.body(body).materials[usize::from(material)];
+        let liquidus = this.get("liquidus").and_then(Property::constant);
+        if let (SurfaceTension::Sulphur(_), Some(liquidus)) = (self, liquidus)
+            && !STEEL.contains(&liquidus)
+        {
+            let name = this.name().to_owned();
+            setup.warn(format!(
+                "the surface tension with sulphur is that of steel, and `{name}` melts at {liquidus} K"
+            ));
+        }
+        let property = match self {
+            SurfaceTension::Material => {
+                setup
+                    .world()
+                    .property_of(body, material, "surface_tension")?
+            }
+            _ => Property::Constant(0.0),
+        };
+        Ok(TensionLaw {
+            law: self,
+            property,
+            reference_temperature: 0.0,
+        })
+    }
+
     /// Refuses numbers outside of their ranges; blamed on `key`.
     ///
     /// # Errors
@@ -55,19 +110,93 @@ impl SurfaceTension {
             }
         }
     }
+}
 
-    /// Derivative by the temperature at a temperature (K), N/(m K). `property` is the `surface_tension` of the material, which
-    /// [`SurfaceTension::Material`] needs.
-    pub fn slope(&self, property: Option<&Property>, temperature: f64) -> f64 {
-        match *self {
-            SurfaceTension::Material => property.map_or(0.0, |p| p.with_slope(temperature).1),
+/// `K a` of the adsorption at a temperature (K).
+fn adsorbed(sulphur: f64, temperature: f64) -> f64 {
+    ENTROPY * (ADSORPTION / (GAS * temperature)).exp() * sulphur
+}
+
+impl TensionLaw {
+    /// The same tension (N/m) at all temperatures.
+    pub fn constant(tension: f64) -> Self {
+        TensionLaw {
+            law: SurfaceTension::Material,
+            property: Property::Constant(tension),
+            reference_temperature: 0.0,
+        }
+    }
+
+    /// A tension (N/m) at a temperature (K) with a constant slope, N/(m K).
+    pub fn linear(tension: f64, temperature: f64, slope: f64) -> Self {
+        TensionLaw {
+            law: SurfaceTension::Slope(slope),
+            property: Property::Constant(tension),
+            reference_temperature: temperature,
+        }
+    }
+
+    /// Whether it depends on the temperature.
+    pub fn is_constant(&self) -> bool {
+        self.law == SurfaceTension::Material && self.property.is_constant()
+    }
+
+    /// A tension of its size, N/m.
+    pub fn typical(&self) -> f64 {
+        match self.law {
+            SurfaceTension::Sulphur(_) => CLEAN_TENSION,
+            _ => self.property.values().into_iter().fold(0.0, f64::max),
+        }
+    }
+
+    /// At a temperature (K), N/m.
+    pub fn value(&self, temperature: f64) -> f64 {
+        match self.law {
+            SurfaceTension::Material => self.property.with_slope(temperature).0,
+            SurfaceTension::Slope(slope) => {
+                let (reference, _) = self.property.with_slope(self.reference_temperature);
+                reference + slope * (temperature - self.reference_temperature)
+            }
+            SurfaceTension::Sulphur(sulphur) => {
+                CLEAN_TENSION + CLEAN * (temperature - MELTING)
+                    - GAS * temperature * SATURATION * adsorbed(sulphur, temperature).ln_1p()
+            }
+        }
+    }
+
+    /// Derivative by the temperature at a temperature (K), N/(m K).
+    pub fn slope(&self, temperature: f64) -> f64 {
+        match self.law {
+            SurfaceTension::Material => self.property.with_slope(temperature).1,
             SurfaceTension::Slope(slope) => slope,
             SurfaceTension::Sulphur(sulphur) => {
-                let adsorbed = ENTROPY * (ADSORPTION / (GAS * temperature)).exp() * sulphur;
+                let adsorbed = adsorbed(sulphur, temperature);
                 CLEAN - GAS * SATURATION * adsorbed.ln_1p()
                     + adsorbed / (1.0 + adsorbed) * ADSORPTION * SATURATION / temperature
             }
         }
+    }
+
+    /// Stress along a flat surface at a temperature (K) that changes along it (K/m), Pa.
+    pub fn stress(&self, temperature: f64, gradient: f64) -> f64 {
+        self.slope(temperature) * gradient
+    }
+}
+
+/// Gradient along a flat surface (K/m) from the temperatures (K) of a point and of its neighbours on both sides at the distance
+/// `spacing` (m): central, one-sided beside a wall, where there is no neighbour.
+pub fn gradient_along(own: f64, neighbours: [Option<f64>; 2], spacing: f64) -> f64 {
+    let mut difference = 0.0;
+    let mut spacings = 0.0;
+    for (neighbour, sign) in neighbours.into_iter().zip([-1.0, 1.0]) {
+        if let Some(other) = neighbour {
+            difference += sign * (other - own);
+            spacings += 1.0;
+        }
+    }
+    match spacings > 0.0 {
+        true => difference / (spacings * spacing),
+        false => 0.0,
     }
 }
 
@@ -76,11 +205,19 @@ mod tests {
     use super::*;
     use crate::material::Table;
 
+    fn law(law: SurfaceTension, property: Property) -> TensionLaw {
+        TensionLaw {
+            law,
+            property,
+            ..TensionLaw::constant(0.0)
+        }
+    }
+
     /// Values of the formula computed apart from this code, and the temperature at which the slope changes its sign.
     #[test]
     fn sulphur_turns_the_slope_round() {
-        let slope =
-            |sulphur, temperature| SurfaceTension::Sulphur(sulphur).slope(None, temperature);
+        let with = |sulphur| law(SurfaceTension::Sulphur(sulphur), Property::Constant(0.0));
+        let slope = |sulphur, temperature| with(sulphur).slope(temperature);
         for (temperature, expected) in [(1809.0, 3.13e-4), (2000.0, 4.2e-5), (2200.0, -1.79e-4)] {
             let found = slope(0.015, temperature);
             assert!((found - expected).abs() < 1e-6, "{temperature}: {found}");
@@ -90,15 +227,55 @@ mod tests {
             assert!(slope(sulphur, zero + 0.1) < 0.0, "{sulphur}");
         }
         assert_eq!(slope(0.0, 2000.0), CLEAN);
+        assert!((with(0.0).value(1909.0) - 1.9).abs() < 1e-12);
+    }
+
+    /// Their difference is the integral of the slope.
+    #[test]
+    fn values_agree_with_slopes() {
+        let table = Table::new(vec![1700.0, 2700.0], vec![1.8, 1.4]).expect("valid rows");
+        let constant = || Property::Constant(0.01);
+        for (law, value) in [
+            (law(SurfaceTension::Sulphur(0.015), constant()), None),
+            (
+                law(SurfaceTension::Material, Property::Table(table)),
+                Some(1.6),
+            ),
+            (TensionLaw::linear(0.01, 2198.0, -0.002), Some(0.006)),
+        ] {
+            let (t, dt) = (2200.0, 1.0);
+            let change = law.value(t + dt) - law.value(t - dt);
+            let error = change / (2.0 * dt) - law.slope(t);
+            assert!(error.abs() < 1e-9, "{law:?}: {error}");
+            if let Some(value) = value {
+                assert!((law.value(t) - value).abs() < 1e-12, "{law:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn gradients_beside_walls_are_one_sided() {
+        for (neighbours, expected) in [
+            ([Some(1.0), Some(4.0)], 0.75),
+            ([None, Some(4.0)], 1.0),
+            ([Some(1.0), None], 0.5),
+            ([None, None], 0.0),
+        ] {
+            assert_eq!(gradient_along(2.0, neighbours, 2.0), expected);
+        }
     }
 
     #[test]
     fn a_table_has_the_slope_of_its_rows() {
         let table = Table::new(vec![1700.0, 2700.0], vec![1.8, 1.4]).expect("valid rows");
         let property = Property::Table(table);
-        let slope = SurfaceTension::Material.slope(Some(&property), 2000.0);
-        assert!((slope + 4e-4).abs() < 1e-15);
-        assert_eq!(SurfaceTension::Slope(1e-4).slope(None, 300.0), 1e-4);
+        let material = law(SurfaceTension::Material, property);
+        assert!((material.slope(2000.0) + 4e-4).abs() < 1e-15);
+        assert!((material.stress(2000.0, 5.0) + 2e-3).abs() < 1e-14);
+        let slope = law(SurfaceTension::Slope(1e-4), Property::Constant(0.0));
+        assert_eq!(slope.slope(300.0), 1e-4);
+        assert!(!material.is_constant() && !slope.is_constant());
+        assert!(law(SurfaceTension::Material, Property::Constant(0.07)).is_constant());
     }
 
     #[test]

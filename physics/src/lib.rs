@@ -17,6 +17,7 @@
 mod advection;
 mod dependent_keys;
 pub mod fluid;
+mod heat_content;
 pub mod mechanical;
 pub mod melt_flow;
 pub mod metallurgy;

@@ -20,6 +20,7 @@ use crate::error::{Problem, SetupError};
 use crate::family::{LayerRule, Traction};
 use crate::field::{FieldIndex, Fields, Read, ReadIfProvided, Value, Write};
 use crate::solver::reduce::weighted_sum;
+use crate::surface_tension::SurfaceTension;
 
 use changes::Changes;
 use configuration::Configurations;
@@ -86,6 +87,25 @@ impl Fact for ContactAngle {
             key: "contact_angle",
             message: "no interface with a tension meets the walls of body `{body}`",
             expected: "two fluids with a surface tension (`fluids` of the physics `fluid`), or no `contact_angle`",
+        })
+    }
+}
+
+/// The surface tension of a fluid along a flat face, which drives it where the temperature changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FaceTension {
+    /// The face, along which the fluid slips.
+    pub face: Face,
+    /// How it depends on the temperature.
+    pub tension: SurfaceTension,
+}
+
+impl Fact for FaceTension {
+    fn unread(&self) -> Option<FactRule> {
+        Some(FactRule {
+            key: "tension",
+            message: "nothing that flows along the walls of body `{body}` has a surface tension that depends on its temperature",
+            expected: "one fluid with `state.incompressible` and a `thermal` on the body, or no `tension`",
         })
     }
 }

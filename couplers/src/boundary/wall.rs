@@ -5,13 +5,14 @@
 //! order. With `layer = "constant"` the fluid behind the wall moves with it, as published (Gao (2020), eq.
 //! 5.102). This is first order: the velocity of the wall is reached a fraction of a spacing outside.
 //!
-//! A wall does not know which fluids meet there: it publishes the contact angle, for whoever has an interface.
+//! A wall does not know which fluids meet there: it publishes the contact angle, for whoever has an interface, and the tension of a
+//! surface, for whoever has a temperature.
 
 use perimelt_core::numbers::check_within;
-use perimelt_core::world::{ContactAngle, LayerHandle};
+use perimelt_core::world::{ContactAngle, FaceTension, LayerHandle};
 use perimelt_core::{
     Coupler, Face, LayerRole, Prepared, RunError, RunningCoupler, Setup, SetupError, Step,
-    Stepping, World, keys,
+    Stepping, SurfaceTension, World, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -41,6 +42,10 @@ pub struct Wall {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0, "maximum" = 180))]
     pub contact_angle: Option<f64>,
+    /// Surface tension of the fluid along the faces, which are its flat free surface: where it depends on the temperature it drives the
+    /// fluid along them. For faces with `kind = "slip"`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tension: Option<SurfaceTension>,
 }
 
 /// Whether a fluid sticks to a wall.
@@ -82,7 +87,16 @@ impl Coupler for Wall {
         });
         angles
             .into_iter()
-            .try_for_each(|angle| setup.publish(body, angle))
+            .try_for_each(|angle| setup.publish(body, angle))?;
+        let Some(tension) = self.tension else {
+            return Ok(());
+        };
+        if self.kind == WallKind::NoSlip {
+            let message = "the fluid sticks to the walls, which are no free surface";
+            return Err(SetupError::value("tension", message, "`kind = \"slip\"`"));
+        }
+        let mut faces = self.faces.iter();
+        faces.try_for_each(|&face| setup.publish(body, FaceTension { face, tension }))
     }
 
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
@@ -194,6 +208,11 @@ mod tests {
             ),
             ("faces = []", "faces"),
             ("faces = ['y+']\ncontact_angle = 181", "contact_angle"),
+            ("faces = ['y+']\ntension.slope = -1e-3", "tension"),
+            (
+                "faces = ['y+']\nkind = 'slip'\ntension.slope = -1e-3",
+                "tension",
+            ),
         ] {
             let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
             let message = refusal(&mut world, read::<Wall>(keys));

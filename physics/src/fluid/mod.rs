@@ -42,6 +42,7 @@
 mod boundaries;
 mod differences;
 mod eulerian;
+mod heat;
 mod keys;
 #[cfg(test)]
 mod keys_tests;
@@ -67,14 +68,14 @@ mod walls;
 
 pub use crate::advection::Convection;
 pub use eulerian::projection::pair::Interface;
-pub(crate) use eulerian::projection::pair::TwoFluids;
+pub(crate) use eulerian::projection::pair::{FLUID_FRACTION, TwoFluids};
 pub use keys::{Fluid, Form, Scheme, Stress, Surface};
 pub use lagrangian::collision::Collisions;
 pub use perimelt_core::Description;
 
 use perimelt_core::{
-    Balance, LoadError, Physics, PhysicsReport, Prepared, RunError, RunningPhysics, SavedState,
-    Setup, SetupError, Step, Stepping, Work, World,
+    Balance, ExpectedGift, LoadError, Physics, PhysicsReport, Prepared, RunError, RunningPhysics,
+    SavedState, Setup, SetupError, Step, Stepping, Work, World, keys as core_keys,
 };
 use serde::{Deserialize, Serialize};
 
@@ -91,8 +92,11 @@ const STEPS_BETWEEN_LIMITS: u64 = 64;
 impl Physics for Fluid {
     fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        if self.fluids.is_some() {
-            setup.publish(body, TwoFluids)?;
+        if let Some(fluids) = &self.fluids {
+            setup.publish(body, TwoFluids(fluids.clone()))?;
+        }
+        if self.state.law.incompressible().is_some() {
+            setup.publish(body, ExpectedGift::of(&core_keys::CARRIED_HEAT))?;
         }
         setup.publish(body, self.description)
     }

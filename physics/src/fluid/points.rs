@@ -9,6 +9,7 @@ use crate::advection::Convection;
 use crate::shape_tensor::CompleteFamily;
 
 use super::eulerian::projection::Projection;
+use super::eulerian::projection::heat::HeatedFluid;
 use super::eulerian::projection::pair::FluidPair;
 use super::eulerian::{EulerianPoints, SavedEulerian};
 use super::lagrangian::{LagrangianPoints, SavedLagrangian};
@@ -32,6 +33,8 @@ pub(super) struct Surroundings {
     pub(super) walls: Walls,
     /// The two fluids, where there are two.
     pub(super) pair: Option<FluidPair>,
+    /// Where the fluid gives the heat that it carries.
+    pub(super) heat: Option<HeatedFluid>,
 }
 
 /// State of the points that is saved with checkpoints.

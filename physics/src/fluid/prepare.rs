@@ -12,8 +12,10 @@ use crate::shape_tensor::CompleteFamily;
 
 use super::boundaries::{Otherwise, check_closed, check_faces};
 use super::eulerian::EulerianPoints;
-use super::eulerian::projection::pair::{FLUID_FRACTION, FluidPair, PairKeys};
+use super::eulerian::projection::heat::HeatedFluid;
+use super::eulerian::projection::pair::{FLUID_FRACTION, FluidPair, PairKeys, PreparedPair};
 use super::eulerian::projection::phase::InterfaceReport;
+use super::heat::FluidHeat;
 use super::keys::Fluid;
 use super::kinds::{FluidKeys, PointKeys};
 use super::lagrangian::LagrangianPoints;
@@ -30,13 +32,22 @@ impl FluidRun {
         fluid.check_numbers(setup.body(body))?;
         let keys = fluid.take_keys()?;
         keys.check_body(setup.body(body))?;
-        let pair = prepare_pair(&fluid, setup, body)?;
+        let prepared = prepare_pair(&fluid, setup, body)?;
+        let pair = prepared.as_ref().map(|prepared| prepared.pair);
         let layers = setup.layers(body, &keys::VELOCITY);
         let (faces, layers) = (layers.faces(), layers.handle);
         check_surfaces(&keys, setup, body, &faces)?;
         let medium = prepare_medium(&mut fluid, setup, body)?;
         keys.check_viscosity(&medium.viscosity)?;
         let mut fields = FluidFields::declare(setup, body, &medium, layers)?;
+        let tension = prepared.and_then(|prepared| prepared.tension);
+        let heat = match keys.is_incompressible() {
+            true => HeatedFluid::prepare(setup, body, tension)?,
+            false => None,
+        };
+        if heat.is_some() {
+            fields.heat = Some(FluidHeat::declare(setup, body)?);
+        }
         if let Some(pair) = pair {
             fields.fraction = Some(declare_fraction(setup, body, pair)?);
         }
@@ -52,6 +63,7 @@ impl FluidRun {
             complete,
             walls,
             pair,
+            heat,
         };
         let points = match keys.points {
             PointKeys::Lagrangian(keys) => {
@@ -128,6 +140,7 @@ impl FluidFields {
             density: setup.own(body, &keys::DENSITY)?,
             pressure: setup.own(body, &keys::PRESSURE)?,
             fraction: None,
+            heat: None,
             body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
             velocity_layers,
             temperature: match medium.viscosity.depends_on_temperature() {
@@ -148,9 +161,9 @@ impl FluidFields {
 /// The two fluids of a body, where there are two.
 fn prepare_pair(
     fluid: &Fluid,
-    setup: &Setup<'_>,
+    setup: &mut Setup<'_>,
     body: BodyIndex,
-) -> Result<Option<FluidPair>, SetupError> {
+) -> Result<Option<PreparedPair>, SetupError> {
     let Some(fluids) = &fluid.fluids else {
         return Ok(None);
     };

@@ -8,6 +8,7 @@ use perimelt_core::{PddoError, Read, SlotField, Work, World, Write};
 use serde::{Deserialize, Serialize};
 
 use super::eulerian::projection::phase::InterfaceReport;
+use super::heat::FluidHeat;
 use super::keys::Scheme;
 use super::medium::Medium;
 use super::points::Points;
@@ -67,6 +68,8 @@ pub(super) struct FluidFields {
     pub(super) pressure: Write<f64>,
     /// Fraction of the first of two fluids.
     pub(super) fraction: Option<Write<f64>>,
+    /// Where a fluid that keeps its volume carries heat.
+    pub(super) heat: Option<FluidHeat>,
     pub(super) body_force: Option<Read<Vector3<f64>>>,
     pub(super) velocity_layers: LayersHandle,
     /// Temperature, where the viscosity depends on it.
@@ -144,6 +147,7 @@ impl FluidRun {
 
     /// Sets what the fluxes of the last step follow from, where these are kept from step to step.
     pub(super) fn set_fluxes(&mut self, world: &World) {
+        self.take_heat(world);
         if let Some(projection) = self.points.projection_mut() {
             if let Some(fraction) = self.fields.fraction {
                 projection.set_fraction(&world.read::<f64>(fraction.into()));

@@ -43,9 +43,11 @@ struct Advance<'a> {
 impl FluidRun {
     pub(super) fn take_step(&mut self, world: &World, step: Step) -> Result<(), Cause> {
         self.set_viscosity(world);
+        self.take_heat(world);
         self.points.follow_walls(world, self.body, step.size);
         self.advance_flow(world, step)?;
         self.write_fraction(world);
+        self.give_heat(world);
         self.steps += 1;
         self.smooth(world);
         self.move_points(world, step.size);

@@ -135,7 +135,6 @@ impl MeltFlow {
                 return Err(SetupError::value("surface.faces", message, expected));
             }
         }
-        let tension = surface.tension.as_ref();
-        tension.map_or(Ok(()), |tension| tension.check("surface.tension"))
+        Ok(())
     }
 }

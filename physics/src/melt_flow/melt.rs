@@ -1,8 +1,8 @@
 //! Properties of the melt.
 
-use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, Property};
+use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::world::{BodyIndex, PhaseChange};
-use perimelt_core::{Setup, SetupError, SurfaceTension};
+use perimelt_core::{Setup, SetupError, TensionLaw};
 
 use crate::dependent_keys::need;
 
@@ -22,7 +22,7 @@ pub(super) struct Melt {
     /// Conductivity (W/(m K)) and the part of it that the flow adds.
     conductivity: Option<(Property, f64)>,
     lift: Option<Lift>,
-    tension: Option<Tension>,
+    pub(super) tension: Option<TensionLaw>,
     /// kg/(m³ s).
     pub(super) drag: Option<f64>,
 }
@@ -37,31 +37,17 @@ struct Lift {
     reference_temperature: f64,
 }
 
-#[derive(Debug)]
-struct Tension {
-    law: SurfaceTension,
-    property: Option<Property>,
-}
-
 impl Melt {
     pub(super) fn prepare(
         keys: &MeltFlow,
         setup: &mut Setup<'_>,
         body: BodyIndex,
     ) -> Result<Melt, SetupError> {
-        let change = setup.facts::<PhaseChange>(body).next().copied();
-        let form = change.map(|change| change.form);
         need(
-            form.is_some(),
+            setup.facts::<PhaseChange>(body).next().is_some(),
             "body",
             "the body does not melt: no coupler says how",
             "a coupler `phase_change` on the body",
-        )?;
-        need(
-            form != Some(LatentHeatForm::Apparent),
-            "body",
-            "`form = \"apparent\"` of `phase_change` changes the heat of points, so that none can be carried",
-            "`form = \"enthalpy\"` of `phase_change`",
         )?;
         let curves = setup.world().enthalpy_curves(body)?;
         let melting = (0u16..).zip(&curves);
@@ -81,56 +67,25 @@ impl Melt {
             }),
             None => None,
         };
-        let law = keys
-            .surface
-            .as_ref()
-            .and_then(|surface| surface.tension.clone());
-        let tension = match law {
-            Some(law) => Some(Tension {
-                property: match law {
-                    SurfaceTension::Material => Some(of("surface_tension")?),
-                    _ => None,
-                },
-                law,
-            }),
-            None => None,
-        };
         let added = keys.conductivity_factor - 1.0;
         let conductivity = match added > 0.0 {
             true => Some((of("conductivity")?, added)),
             false => None,
         };
         let viscosity = of("viscosity")?;
-        let melt = Melt {
+        let law = keys.surface.as_ref().and_then(|surface| surface.tension);
+        let tension = law.map(|law| law.prepare("surface.tension", setup, body, material));
+        Ok(Melt {
             material,
             density: setup.world().reference_densities(body)?[usize::from(material)],
             viscosity,
             viscosity_factor: keys.viscosity_factor,
             conductivity,
             lift,
-            tension,
+            tension: tension.transpose()?,
             drag: keys.drag,
             curve: curve.clone(),
-        };
-        melt.warn(setup, body);
-        Ok(melt)
-    }
-
-    /// Warns of sulphur in a metal that is no steel, by its melting temperature.
-    fn warn(&self, setup: &mut Setup<'_>, body: BodyIndex) {
-        /// Steels melt between these temperatures, K.
-        const STEEL: std::ops::Range<f64> = 1550.0..1850.0;
-        let law = self.tension.as_ref().map(|tension| &tension.law);
-        let liquidus = self
-            .curve
-            .latent_heat()
-            .map_or(0.0, |latent| latent.liquidus);
-        if matches!(law, Some(SurfaceTension::Sulphur(_))) && !STEEL.contains(&liquidus) {
-            let name = setup.body(body).materials[usize::from(self.material)].name();
-            setup.warn(format!(
-                "the surface tension with sulphur is that of steel, and `{name}` melts at {liquidus} K"
-            ));
-        }
+        })
     }
 
     /// Kinematic viscosity at a temperature (K), m²/s.
@@ -150,12 +105,6 @@ impl Melt {
         let difference = temperature - lift.reference_temperature;
         let lighter = self.density * lift.expansion.at(temperature, 1.0) * difference;
         Some(lift.gravity.map(|g| -lighter * g))
-    }
-
-    /// Slope of the surface tension at a temperature (K), N/(m K); `None` where it drives nothing.
-    pub(super) fn tension_slope(&self, temperature: f64) -> Option<f64> {
-        let tension = self.tension.as_ref()?;
-        Some(tension.law.slope(tension.property.as_ref(), temperature))
     }
 
     pub(super) fn has_lift(&self) -> bool {

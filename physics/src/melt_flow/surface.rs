@@ -9,6 +9,7 @@
 //! in which the stress `dgamma/dT grad_s T` is contained exactly: a linear profile of the velocity has no error. The gradient
 //! along the face is that of the first row, by central differences, one-sided beside a wall, and vanishes where a neighbour is solid.
 
+use perimelt_core::surface_tension::gradient_along;
 use perimelt_core::{Body, Face};
 
 use super::melt::Melt;
@@ -60,12 +61,12 @@ impl Surface {
         let over = 1.0 / (melt.density * pool.stencil.spacing);
         for &(cell, across) in &self.cells {
             let cell = cell as usize;
-            let Some(slope) = melt.tension_slope(temperature[cell]) else {
+            let Some(tension) = &melt.tension else {
                 return;
             };
             for axis in (0..self.dimension).filter(|axis| *axis != across) {
                 let gradient = gradient(pool, cell, axis, temperature);
-                acceleration[cell][axis] += slope * gradient * over;
+                acceleration[cell][axis] += tension.stress(temperature[cell], gradient) * over;
             }
         }
     }
@@ -73,21 +74,14 @@ impl Surface {
 
 /// Gradient of the temperature of the first row along an axis, K/m.
 fn gradient(pool: &Pool, cell: usize, axis: usize, temperature: &[f64]) -> f64 {
-    let own = temperature[cell];
-    let mut difference = 0.0;
-    let mut spacings = 0.0;
-    for (is_upper, sign) in [(false, -1.0), (true, 1.0)] {
-        let neighbour = pool.neighbours(cell)[pool.stencil.straight(axis, is_upper)];
-        if !neighbour.is_open {
-            return 0.0;
-        }
-        if !neighbour.is_behind_wall() {
-            difference += sign * (temperature[neighbour.cell as usize] - own);
-            spacings += 1.0;
-        }
+    let beside =
+        [false, true].map(|is_upper| pool.neighbours(cell)[pool.stencil.straight(axis, is_upper)]);
+    if beside.iter().any(|neighbour| !neighbour.is_open) {
+        return 0.0;
     }
-    match spacings > 0.0 {
-        true => difference / (spacings * pool.stencil.spacing),
-        false => 0.0,
-    }
+    let neighbours = beside.map(|neighbour| {
+        let is_melt = !neighbour.is_behind_wall();
+        is_melt.then(|| temperature[neighbour.cell as usize])
+    });
+    gradient_along(temperature[cell], neighbours, pool.stencil.spacing)
 }

@@ -27,6 +27,7 @@ use rayon::prelude::*;
 
 use super::conductivity::Directions;
 use super::interfaces::{Across, Interfaces, MaterialPoints, Mixed};
+use super::mixture::MixedConductivity;
 use super::phases::{ConductingPhase, Series};
 use super::states::{OrdinaryState, StateFlow};
 
@@ -60,6 +61,8 @@ pub(super) struct Conduction {
     powder: Option<ConductingPhase>,
     /// Austenite, where a `metallurgy` provides its fraction.
     austenite: Option<ConductingPhase>,
+    /// Two fluids, where there are two of different conductivities.
+    fluids: Option<MixedConductivity>,
     /// Interfaces in the form of bonds, where the body has several materials and no powder.
     interfaces: Option<Interfaces>,
     /// Slots of layer points with temperatures of their own, K.
@@ -174,6 +177,7 @@ impl Conduction {
             loaded: BondConductivity::Uniform,
             powder: None,
             austenite: None,
+            fluids: None,
             interfaces: has_interfaces.then(|| Interfaces::new(points)),
             layers: Vec::new(),
             broken: None,
@@ -232,6 +236,24 @@ impl Conduction {
             *largest = largest.max(max_abs(&powder.values()));
         }
         self.powder = Some(ConductingPhase::new(conductivity, points));
+    }
+
+    /// Adds two fluids, which are these materials.
+    pub(super) fn set_fluids(&mut self, materials: [u16; 2]) {
+        if self.uniform.is_some() {
+            return;
+        }
+        self.interfaces = None;
+        let [first, second] = materials.map(|m| self.largest[m as usize]);
+        self.largest.fill(first.max(second));
+        self.fluids = Some(MixedConductivity::new(materials, self.rate.len()));
+    }
+
+    /// Sets the fraction of the first of two fluids.
+    pub(super) fn mix(&mut self, fraction: &[f64]) {
+        if let Some(fluids) = &mut self.fluids {
+            fluids.set_fraction(fraction);
+        }
     }
 
     /// Sets which points are powder (0) and which are dense (1).
@@ -426,6 +448,9 @@ impl Conduction {
         let m = material as usize;
         if let Some(directions) = &self.directions {
             return directions.mean(m, temperature, liquid);
+        }
+        if let Some(fluids) = &self.fluids {
+            return fluids.at(&self.conductivity, point, temperature);
         }
         let mut conductivity = self.conductivity[m].at(temperature, liquid);
         if let Some(austenite) = &self.austenite {

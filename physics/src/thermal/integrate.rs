@@ -1,6 +1,7 @@
 //! Steps of the heat equation in time.
 
 use std::borrow::Cow;
+use std::cell::Ref;
 
 use perimelt_core::solver::reduce::{norm, weighted_sum};
 use perimelt_core::solver::{
@@ -14,11 +15,13 @@ use super::conduction::Matter;
 use super::control::{ControlledSteps, LimitedStep, Method, StepControl};
 use super::growth::Growth;
 use super::keys::{Thermal, ThermalSolver};
+use super::mixture::MixedFluids;
 use super::rates::{
     BodyExchange, CurrentVolumes, EnthalpyRate, HeatFlow, TemperatureRate, Vectors,
 };
 use super::refined::Refined;
 use super::run::{HeatAccount, RunningThermal};
+use crate::heat_content::HeatContent;
 
 /// A solver with its work vectors.
 #[derive(Debug)]
@@ -141,23 +144,27 @@ impl Fields<'_> {
         mut refined: Option<(&mut Refined, &World)>,
     ) -> Work {
         let dt = size / steps as f64;
+        let content = HeatContent {
+            curves: flow.matter.curves,
+            material: flow.matter.material,
+            mixture: flow.mixture,
+        };
         for _ in 0..steps {
             self.account.supply(dt * flow.evaluate(self.temperature));
             if let Some((refined, world)) = &mut refined {
                 let heat = refined.exchange(world, dt, flow.conduction);
                 self.account.supply(heat);
             }
-            let curves = flow.matter.curves;
             let points = self
                 .temperature
                 .par_iter_mut()
                 .zip(&mut *self.enthalpy)
-                .zip(&flow.conduction.rate)
-                .zip(flow.matter.material);
+                .zip(&flow.conduction.rate);
             points
+                .enumerate()
                 .with_min_len(4096)
-                .for_each(|(((t, h), [rate]), &m)| {
-                    (*t, *h) = curves[m as usize].advance(*t, *h, dt * rate);
+                .for_each(|(i, ((t, h), [rate]))| {
+                    (*t, *h) = content.advance(i, *t, *h, dt * rate);
                 });
         }
         Work::of_stages(steps)
@@ -248,6 +255,7 @@ impl RunningThermal {
     fn start_step(&mut self, world: &World) {
         self.integrator.vectors.start_step();
         self.take_births(world);
+        self.follow_fluids(world);
         self.take_carried_heat(world);
         self.hold_temperatures(world);
         self.follow_interfaces(world);
@@ -275,10 +283,9 @@ impl RunningThermal {
         let rules = world.layer_rules(self.layers);
         let body = world.body(self.body);
         let source = self.fields.source.map(|s| world.read(s));
-        let is_steady = matches!(self.integrator.solver, Solver::Steady(..));
-        let conductance = self.fields.conductance.filter(|_| is_steady);
-        let conductance = conductance.map(|c| world.read(c));
+        let conductance = self.steady_conductance(world);
         let constraint = self.fields.constraint.map(|c| world.read(c));
+        let fraction = self.fraction(world);
         let growth = self.growth.as_ref();
         let source = masked(growth, source.as_deref());
         let constraint = masked(growth, constraint.as_deref());
@@ -322,6 +329,10 @@ impl RunningThermal {
                 temperature: world.read::<f64>(self.fields.temperature.into()).to_vec(),
             }),
             carried: self.carried.as_mut().map(|c| (c, step.size)),
+            mixture: self
+                .fluids
+                .zip(fraction.as_deref())
+                .map(MixedFluids::mixture),
             constraint: constraint.as_deref(),
             row_sums,
             vectors,
@@ -351,7 +362,14 @@ impl RunningThermal {
         }
     }
 
-    /// Adds the heat that melt flow carried from point to point since the last step. It is not counted as supplied: its sum
+    /// Conductance to other bodies, in the search for a steady state.
+    fn steady_conductance<'a>(&self, world: &'a World) -> Option<Ref<'a, [f64]>> {
+        let is_steady = matches!(self.integrator.solver, Solver::Steady(..));
+        let conductance = self.fields.conductance.filter(|_| is_steady);
+        conductance.map(|c| world.read(c))
+    }
+
+    /// Adds the heat that a flow carried from point to point since the last step. It is not counted as supplied: its sum
     /// vanishes, which the balance verifies.
     fn take_carried_heat(&mut self, world: &World) {
         let Some(carried) = self.fields.carried else {
@@ -360,10 +378,14 @@ impl RunningThermal {
         let carried = world.read(carried);
         let mut temperature = world.write(self.fields.temperature);
         let mut enthalpy = world.write(self.fields.enthalpy);
-        let material = &world.body(self.body).material_of_point;
+        let fraction = self.fraction(world);
+        let content = self.content(
+            &world.body(self.body).material_of_point,
+            fraction.as_deref(),
+        );
         for (i, heat) in carried.iter().enumerate().filter(|(_, heat)| **heat != 0.0) {
             enthalpy[i] += heat;
-            temperature[i] = self.curves[material[i] as usize].temperature(enthalpy[i]);
+            temperature[i] = content.temperature(i, enthalpy[i], temperature[i]);
         }
     }
 
@@ -376,7 +398,11 @@ impl RunningThermal {
         let mut temperature = world.write(self.fields.temperature);
         let mut enthalpy = world.write(self.fields.enthalpy);
         let volume = &world.body(self.body).points.volume;
-        let material = &world.body(self.body).material_of_point;
+        let fraction = self.fraction(world);
+        let content = self.content(
+            &world.body(self.body).material_of_point,
+            fraction.as_deref(),
+        );
         // covered points of a coarse body do not count; their heat belongs to the window
         let plate = world.refinement(self.body);
         let plate = plate.filter(|(_, level)| *level == Level::Plate);
@@ -386,7 +412,7 @@ impl RunningThermal {
         let is_held = |(i, c): &(usize, &f64)| **c > 0.0 && growth.is_none_or(|g| g.is_born(*i));
         for (i, c) in constraint.iter().enumerate().filter(is_held) {
             temperature[i] = held[i] / c;
-            let new = self.curves[material[i] as usize].enthalpy(temperature[i]);
+            let new = content.enthalpy(i, temperature[i]);
             if counts(i) {
                 supplied += volume[i] * (new - enthalpy[i]);
             }

@@ -48,8 +48,10 @@ enum Points {
     AtRest,
     /// A physics moves them.
     Moving,
-    /// A fluid flows through them.
+    /// A fluid with sound flows through them.
     InFlow,
+    /// Two fluids flow through them.
+    TwoFluids,
     /// Material is deposited on them or cut off.
     Growing,
     /// The body has a window of finer points.
@@ -58,13 +60,22 @@ enum Points {
     Window,
 }
 
+/// How a flow carries heat.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HeatOfFlow {
+    /// It gives the amounts that it carried.
+    pub(super) is_given: bool,
+    pub(super) of_two_fluids: bool,
+}
+
 impl Points {
-    fn of(world: &World, body: BodyIndex) -> Points {
+    fn of(world: &World, body: BodyIndex, flow: HeatOfFlow) -> Points {
         match (world.refinement(body), world.description(body)) {
+            _ if flow.of_two_fluids => Points::TwoFluids,
             (Some((_, Level::Plate)), _) => Points::Plate,
             (Some((_, Level::Window)), _) => Points::Window,
             (None, Description::UpdatedLagrangian) => Points::Moving,
-            (None, description) if description.flows_through() => Points::InFlow,
+            (None, description) if description.flows_through() && !flow.is_given => Points::InFlow,
             (None, _) if world.is_growing(body) => Points::Growing,
             (None, _) => Points::AtRest,
         }
@@ -76,6 +87,7 @@ impl Points {
             Points::AtRest => "points at rest",
             Points::Moving => "points that a physics moves",
             Points::InFlow => "a flow through the points",
+            Points::TwoFluids => "two fluids",
             Points::Growing => "material that is deposited or cut off",
             Points::Plate => "a body that has a window of finer points",
             Points::Window => "a body that is a window of finer points",
@@ -100,6 +112,7 @@ impl ThermalChoice {
             Points::AtRest => true,
             Points::Moving => is_by_bonds,
             Points::InFlow => self.form != Form::Ordinary && is_explicit,
+            Points::TwoFluids => is_by_bonds && is_explicit,
             Points::Growing => is_by_bonds && self.solver != ThermalSolver::Steady,
             Points::Plate | Points::Window => is_by_bonds && is_explicit,
         }
@@ -112,6 +125,7 @@ impl Choice for ThermalChoice {
             Points::AtRest,
             Points::Moving,
             Points::InFlow,
+            Points::TwoFluids,
             Points::Growing,
             Points::Plate,
             Points::Window,
@@ -150,15 +164,16 @@ impl Thermal {
         &self,
         world: &World,
         body: BodyIndex,
+        flow: HeatOfFlow,
     ) -> Result<ThermalKeys, SetupError> {
         self.check_numbers()?;
         let choice = ThermalChoice {
             form: self.form,
             solver: self.solver,
-            points: Points::of(world, body),
+            points: Points::of(world, body, flow),
         };
         let keys = take_keys(self, choice, Thermal::take)?;
-        self.check_needs(world, body)?;
+        self.check_needs(world, body, flow)?;
         Ok(keys)
     }
 
@@ -212,7 +227,12 @@ impl Thermal {
     }
 
     /// Refuses bodies and materials that do not fit this heat conduction.
-    fn check_needs(&self, world: &World, body: BodyIndex) -> Result<(), SetupError> {
+    fn check_needs(
+        &self,
+        world: &World,
+        body: BodyIndex,
+        flow: HeatOfFlow,
+    ) -> Result<(), SetupError> {
         let description = world.description(body);
         let moves = description == Description::UpdatedLagrangian;
         let is_refined = world.refinement(body).is_some();
@@ -224,6 +244,24 @@ impl Thermal {
             "solver",
             "the apparent heat capacity is defined for explicit steps only",
             "`solver = \"explicit\"`, or the enthalpy form",
+        )?;
+        need(
+            !is_apparent || !flow.is_given,
+            "body",
+            "`form = \"apparent\"` of `phase_change` changes the heat of points, so that none can be carried",
+            "`form = \"enthalpy\"` of `phase_change`",
+        )?;
+        need(
+            self.solver != ThermalSolver::Steady || !flow.is_given,
+            "solver",
+            "a flow carries an amount of heat in each step, and a steady state has no steps",
+            "another `solver`, such as \"rkl2\"",
+        )?;
+        need(
+            !flow.of_two_fluids || curves.iter().all(|c| c.latent_heat().is_none()),
+            "body",
+            "two fluids flow through the body, and what melts is a solid for which they have no place",
+            "a body without `phase_change`",
         )?;
         need(
             description != Description::ArbitraryLagrangianEulerian,

@@ -20,8 +20,8 @@
 //! - points that a physics moves: bonds between current neighbours, calibrated for complete families;
 //! - points of a body that grows by deposition: bonds between the points with material, whose weights are recomputed
 //!   around each new point; the enthalpy of a point is supplied when it is born;
-//! - points of an Eulerian fluid: conduction between neighbours at rest, and convection ([`Convection`]) with the
-//!   flux of mass of the fluid.
+//! - points of an Eulerian fluid with sound: conduction between neighbours at rest, and convection ([`Convection`]) with the
+//!   flux of mass of the fluid. Fluids that keep their volume, and melt, carry heat themselves and give what they carried as amounts.
 //!
 //! Where the coupler `powder` provides the field `consolidated`, powder has the conductivity `powder_conductivity`; where a
 //! `metallurgy` provides the field `austenite`, austenite has `austenite_conductivity` if the material has that property.
@@ -56,6 +56,7 @@ mod keys;
 mod kinds;
 #[cfg(test)]
 mod laminate_tests;
+mod mixture;
 mod phases;
 mod points;
 mod prepare;
@@ -78,8 +79,8 @@ use perimelt_core::plugin::check_length;
 use perimelt_core::solver::reduce::{sum_of, weighted_sum};
 
 use perimelt_core::{
-    Balance, LoadError, Physics, PhysicsReport, Prepared, Read, Report, RunError, RunningPhysics,
-    SavedState, Setup, Step, StepLimits, Stepping, Work, World,
+    Balance, Fact, LoadError, Physics, PhysicsReport, Prepared, Read, Report, RunError,
+    RunningPhysics, SavedState, Setup, SetupError, Step, StepLimits, Stepping, Work, World,
 };
 use serde::{Deserialize, Serialize};
 
@@ -155,8 +156,19 @@ impl RunningThermal {
     }
 }
 
+/// The heat of a body is computed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ConductsHeat;
+
+impl Fact for ConductsHeat {}
+
 #[typetag::serialize(name = "thermal")]
 impl Physics for Thermal {
+    fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        setup.publish(body, ConductsHeat)
+    }
+
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningPhysics> {
         setup.stepping(Stepping {
             step: self.step,
@@ -180,12 +192,10 @@ impl RunningPhysics for RunningThermal {
             });
         }
         let mut enthalpy = world.write(self.fields.enthalpy);
-        for ((h, &t), &m) in enthalpy
-            .iter_mut()
-            .zip(&*temperature)
-            .zip(&body.material_of_point)
-        {
-            *h = self.curves[m as usize].enthalpy(t);
+        let fraction = self.fraction(world);
+        let content = self.content(&body.material_of_point, fraction.as_deref());
+        for (point, (h, t)) in enthalpy.iter_mut().zip(&*temperature).enumerate() {
+            *h = content.enthalpy(point, *t);
         }
         if let Some(growth) = &mut self.growth {
             growth.start(world);
@@ -244,7 +254,7 @@ impl RunningPhysics for RunningThermal {
         Ok(())
     }
 
-    /// Heat, where the form conserves it. None in an Eulerian fluid, where heat is conserved per mass, not per volume.
+    /// Heat, where the form conserves it. None in an Eulerian fluid with sound, where heat is conserved per mass, not per volume.
     fn balance(&self, world: &World) -> Vec<Balance> {
         if !self.conduction.is_conservative() || self.carried.is_some() {
             return Vec::new();

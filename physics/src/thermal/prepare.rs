@@ -20,13 +20,13 @@ use super::conductivity::{Directions, conductivities};
 use super::faces::HeatedFace;
 use super::growth::Growth;
 use super::integrate::Integrator;
-use super::keys::{Form, Surfaces, Thermal, ThermalSolver};
-use super::kinds::{BondKeys, FormKeys};
+use super::keys::{Form, Surfaces, Thermal};
+use super::kinds::{BondKeys, FormKeys, HeatOfFlow};
+use super::mixture::MixedFluids;
 use super::refined::Refined;
 use super::run::{Cracks, HeatAccount, RunningThermal};
 use super::surface::Surface;
 use super::surface_depth;
-use crate::fluid::TwoFluids;
 
 /// The state of a heat physics, and the sinks that it consumes where a plugin adds into them.
 #[derive(Clone, Copy, Debug)]
@@ -38,23 +38,12 @@ pub(super) struct HeatFields {
     pub(super) conductance: Option<Read<f64>>,
     pub(super) constraint: Option<Read<f64>>,
     pub(super) held: Option<Read<f64>>,
-    /// Heat that melt flow carried to each point, J/m³.
+    /// Heat that a flow carried to each point, J/m³.
     pub(super) carried: Option<Read<f64>>,
 }
 
 impl HeatFields {
-    fn declare(
-        thermal: &Thermal,
-        setup: &mut Setup<'_>,
-        body: BodyIndex,
-    ) -> Result<Self, SetupError> {
-        let carried = setup.take_if_added(body, &keys::CARRIED_HEAT)?;
-        need(
-            carried.is_none() || thermal.solver != ThermalSolver::Steady,
-            "solver",
-            "a melt that flows carries an amount of heat in each step, and a steady state has no steps",
-            "another `solver`, such as \"rkl2\"",
-        )?;
+    fn declare(setup: &mut Setup<'_>, body: BodyIndex) -> Result<Self, SetupError> {
         Ok(HeatFields {
             temperature: setup.own(body, &keys::TEMPERATURE)?,
             enthalpy: setup.own(body, &keys::ENTHALPY)?,
@@ -62,7 +51,7 @@ impl HeatFields {
             conductance: setup.consume_if_added(body, &keys::HEAT_CONDUCTANCE)?,
             constraint: setup.consume_if_added(body, &keys::TEMPERATURE_CONSTRAINT)?,
             held: setup.consume_if_added(body, &keys::HELD_TEMPERATURE)?,
-            carried,
+            carried: setup.take_if_added(body, &keys::CARRIED_HEAT)?,
         })
     }
 }
@@ -91,13 +80,17 @@ impl RunningThermal {
         setup: &mut Setup<'_>,
     ) -> Result<RunningThermal, SetupError> {
         let body = setup.find_body(thermal.body.as_deref())?;
-        check_one_fluid(setup, body)?;
         let description = setup.world().description(body);
         let horizon = thermal.horizon_of(setup.body(body), description);
         horizon.check(setup.body(body))?;
-        let fields = HeatFields::declare(thermal, setup, body)?;
+        let fields = HeatFields::declare(setup, body)?;
         let curves = setup.world().enthalpy_curves(body)?;
-        let keys = thermal.take_keys(setup.world(), body)?;
+        let fluids = MixedFluids::prepare(setup, body, &curves)?;
+        let flow = HeatOfFlow {
+            is_given: fields.carried.is_some(),
+            of_two_fluids: fluids.is_some(),
+        };
+        let keys = thermal.take_keys(setup.world(), body, flow)?;
         let is_growing = setup.world().is_growing(body);
         let layers = setup.layers(body, &keys::TEMPERATURE);
         let domain = ConductionDomain {
@@ -108,18 +101,15 @@ impl RunningThermal {
             heated: layers.prescribed,
         };
         let (family, mut conduction) = thermal.operators(setup, &domain, keys.form)?;
+        if let Some(fluids) = &fluids {
+            conduction.set_fluids(fluids.materials);
+        }
         let refined = Refined::prepare(setup, &domain, family)?;
         let growth = is_growing
             .then(|| Growth::prepare(setup, body))
             .transpose()?;
         let consolidated = thermal.powder(setup, &domain, refined.is_some(), &mut conduction)?;
         let austenite = thermal.austenite(setup, &domain, refined.is_some())?;
-        need(
-            austenite.is_none() || !conduction.has_directions(),
-            "conductivity",
-            "the conductivity of austenite has no directions",
-            "a `conductivity` without directions, or a material without `austenite_conductivity`",
-        )?;
         let orientation = match conduction.has_directions() {
             true => Some(setup.given(body, &keys::ORIENTATION)?),
             false => None,
@@ -130,12 +120,9 @@ impl RunningThermal {
         };
         let has_conductance = fields.conductance.is_some();
         let surface = prepare_surface(setup, body, family, &conduction, has_conductance)?;
-        need(
-            surface.is_none() || !conduction.has_directions(),
-            "conductivity",
-            "boundaries that exchange heat through the surface take the same conductivity in all directions",
-            "a `conductivity` without directions, or prescribed temperatures",
-        )?;
+        if conduction.has_directions() {
+            check_directions(austenite.is_some(), surface.is_some())?;
+        }
         let fixed =
             fields.constraint.is_some() || surface.as_ref().is_some_and(Surface::has_conductance);
         let moves = description == Description::UpdatedLagrangian;
@@ -152,6 +139,7 @@ impl RunningThermal {
             fields,
             floating: domain.heated.is_empty() && !fixed && !has_conductance,
             curves,
+            fluids,
             conduction,
             orientation,
             carried,
@@ -172,19 +160,24 @@ impl RunningThermal {
     }
 }
 
-/// Publishes the distances of the surface from the outermost points, and collects the exchanges of the surface.
-/// `has_conductance`: other bodies exchange heat through the surface.
-/// Refuses a body through which two fluids flow.
-fn check_one_fluid(setup: &Setup<'_>, body: BodyIndex) -> Result<(), SetupError> {
-    let two = setup.facts::<TwoFluids>(body);
+/// Refuses what a conductivity with directions does not know.
+fn check_directions(has_austenite: bool, has_surface: bool) -> Result<(), SetupError> {
     need(
-        two.count() == 0,
-        "body",
-        "two fluids flow through the body, whose heat is not computed",
-        "a body of one fluid, or no `thermal`",
+        !has_austenite,
+        "conductivity",
+        "the conductivity of austenite has no directions",
+        "a `conductivity` without directions, or a material without `austenite_conductivity`",
+    )?;
+    need(
+        !has_surface,
+        "conductivity",
+        "boundaries that exchange heat through the surface take the same conductivity in all directions",
+        "a `conductivity` without directions, or prescribed temperatures",
     )
 }
 
+/// Publishes the distances of the surface from the outermost points, and collects the exchanges of the surface.
+/// `has_conductance`: other bodies exchange heat through the surface.
 fn prepare_surface(
     setup: &mut Setup<'_>,
     body: BodyIndex,

@@ -14,6 +14,7 @@ use super::carried::CarriedHeat;
 use super::conduction::{Conduction, Matter};
 use super::points::ConductingPoints;
 use super::surface::Surface;
+use crate::heat_content::Mixture;
 
 /// Work vectors of the enthalpy equation.
 #[derive(Debug, Default)]
@@ -59,8 +60,10 @@ pub(super) struct HeatFlow<'a> {
     pub(super) surface: Option<&'a mut Surface>,
     /// Exchange with other bodies, in the search for a steady state.
     pub(super) exchanged: Option<BodyExchange<'a>>,
-    /// Convection by an Eulerian fluid, and the step, s.
+    /// Convection by an Eulerian fluid with sound, and the step, s.
     pub(super) carried: Option<(&'a mut CarriedHeat, f64)>,
+    /// Two fluids, where there are two.
+    pub(super) mixture: Option<Mixture<'a>>,
     /// Positive where the temperature is held.
     pub(super) constraint: Option<&'a [f64]>,
     pub(super) row_sums: &'a [[f64; 1]],

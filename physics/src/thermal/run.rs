@@ -17,6 +17,7 @@ use super::growth::{Growth, HeatState};
 use super::integrate::Integrator;
 use super::interfaces::MaterialPoints;
 use super::keys::ThermalSolver;
+use super::mixture::MixedFluids;
 use super::points::ConductingPoints;
 use super::prepare::{Austenite, HeatFields};
 use super::refined::Refined;
@@ -35,6 +36,8 @@ pub(super) struct RunningThermal {
     pub(super) layers: LayersHandle,
     pub(super) fields: HeatFields,
     pub(super) curves: Vec<EnthalpyCurve>,
+    /// Where two fluids flow through the points.
+    pub(super) fluids: Option<MixedFluids>,
     pub(super) conduction: Conduction,
     /// Where conductivities have directions.
     pub(super) orientation: Option<Read<Vector3<f64>>>,
@@ -250,7 +253,7 @@ impl RunningThermal {
     pub(super) fn find_stable_step(&mut self, world: &World) {
         self.find_row_sums(world);
         let body = world.body(self.body);
-        let capacity = |m: u16| self.curves[m as usize].minimum_capacity();
+        let capacity = |m: u16| self.least_capacity(m);
         let points = self
             .integrator
             .row_sums()
@@ -290,6 +293,15 @@ impl RunningThermal {
         self.integrator.set_stable_step(stable_step);
     }
 
+    /// Least heat capacity of a point of a material, J/(m³ K); of two fluids either may be there.
+    fn least_capacity(&self, material: u16) -> f64 {
+        let least = |m: u16| self.curves[m as usize].minimum_capacity();
+        match self.fluids.map(|fluids| fluids.materials.map(least)) {
+            Some([first, second]) => first.min(second),
+            None => least(material),
+        }
+    }
+
     /// The stable step of points at the surface, s: the conductances of bonds and of the exchange over their capacity.
     fn find_exchange_limit(&mut self, world: &World) -> f64 {
         self.follow_surface(world);
@@ -309,7 +321,7 @@ impl RunningThermal {
         let row_sums = self.integrator.row_sums();
         let mut step = f64::INFINITY;
         surface.visit_stiffness(hottest, conductivity, |point, at_point| {
-            let capacity = self.curves[material[point] as usize].minimum_capacity();
+            let capacity = self.least_capacity(material[point]);
             step = step.min(capacity / (row_sums[point][0] + at_point));
         });
         self.exchange_limit = Some(ExchangeLimit { found_for, step });
@@ -333,6 +345,7 @@ impl RunningThermal {
 
     /// Measures the heat that crosses faces.
     pub(super) fn measure_faces(&mut self, world: &World) {
+        self.follow_fluids(world);
         self.follow_surface(world);
         let temperature = world.read::<f64>(self.fields.temperature.into());
         if let Some(surface) = &self.surface {

@@ -97,6 +97,7 @@ impl EulerianPoints {
                     family,
                     complete: around.complete,
                     pair: around.pair,
+                    heat: around.heat,
                 };
                 let rates = Projection::new(keys, convection, setup.body(body), domain);
                 EulerianRates::Projection(Box::new(rates))

@@ -46,7 +46,7 @@ impl Conduction {
     }
 
     pub(super) fn bond_conductivity(&self) -> BondConductivity {
-        let has_parts = self.powder.is_some() || self.austenite.is_some();
+        let has_parts = self.powder.is_some() || self.austenite.is_some() || self.fluids.is_some();
         let by_points = self.derivatives.is_some() || has_parts;
         if self.states.is_some() {
             return BondConductivity::States;

@@ -54,6 +54,7 @@ impl Projection {
                 _ => phase.find::<3>(&self.family, self.spacing, inverse, &mut self.slots),
             }
         }
+        self.apply_tension();
     }
 
     /// Finds force and work of the viscosity of one fluid.
@@ -181,6 +182,12 @@ impl Projection {
         let points = points.enumerate().with_min_len(POINTS_PER_TASK);
         points.for_each(|(i, (predicted, acceleration))| {
             *predicted = self.start[i] + terms.dt * self.acceleration(i, density[i]);
+            if let Some(surface) = &self.thermocapillary {
+                let force = surface.force(i, self.dimension);
+                for (v, force) in predicted.iter_mut().zip(force) {
+                    *v += terms.dt * force / density[i];
+                }
+            }
             *acceleration = Vector3::zeros();
             for a in 0..self.dimension {
                 acceleration[a] = terms.body_acceleration(i, a);
@@ -204,11 +211,14 @@ impl Projection {
         self.find_carried::<D, C, O>(terms, layer, &start);
         self.start = start;
         self.advance_phase(terms.dt, density);
+        self.carry_heat(terms.dt, layer);
         self.find_middle(terms.dt, density);
         let middle = std::mem::take(&mut self.middle);
         self.find_carried::<D, C, O>(terms, layer, &middle);
         self.middle = middle;
+        self.set_tension();
         self.find_interface(density);
+        self.find_surface_force::<D>(density);
         self.predict(terms, density);
         let mut excess = std::mem::take(&mut self.excess);
         let kernel = self.volume::<D>(terms.dt);

@@ -85,24 +85,53 @@ pub(super) struct Carry<const D: usize> {
     pub(super) layer: Layer,
 }
 
-impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Carry<D> {
+/// Fluxes along a bond.
+pub(super) struct Fluxes {
+    /// `U_ij / 2`, 1/s.
+    pub(super) half_volume: f64,
+    /// What keeps the layer between two fluids thin, 1/s.
+    thinning: f64,
+    /// `C_ij`, 1/s.
+    pub(super) first: f64,
+}
+
+impl<const D: usize> Carry<D> {
     #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
-        let (density, fraction) = (Inputs::<D>::DENSITY, Inputs::<D>::FRACTION);
+    pub(super) fn fluxes<const I: usize>(
+        &self,
+        bond: &Bond,
+        own: &[f64; I],
+        other: &[f64; I],
+    ) -> Fluxes {
+        let fraction = Inputs::<D>::FRACTION;
         let mut thinning = self.layer.width * (other[fraction] - own[fraction]);
         for a in 0..D {
             let q = Inputs::<D>::COMPRESSION + a;
             thinning -= bond.xi[a] * (own[q] + other[q]);
         }
         thinning *= self.layer.mobility * bond.weight * self.volume.inverse;
-        let volume = 0.5 * self.volume.flux(bond, &own, &other);
-        let mass = volume * (own[density] + other[density]) - self.layer.jump * thinning;
+        let half_volume = 0.5 * self.volume.flux(bond, own, other);
+        Fluxes {
+            half_volume,
+            thinning,
+            first: half_volume * (own[fraction] + other[fraction]) - thinning,
+        }
+    }
+}
+
+impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Carry<D> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
+        let density = Inputs::<D>::DENSITY;
+        let fluxes = self.fluxes(bond, &own, &other);
+        let mean_mass = fluxes.half_volume * (own[density] + other[density]);
+        let mass = mean_mass - self.layer.jump * fluxes.thinning;
         let mut sums = [0.0; O];
         for (a, sum) in sums.iter_mut().enumerate().take(D) {
             let v = Inputs::<D>::CARRIED + a;
             *sum = 0.5 * mass * (other[v] - own[v]);
         }
-        sums[D] = volume * (own[fraction] + other[fraction]) - thinning;
+        sums[D] = fluxes.first;
         sums
     }
 }

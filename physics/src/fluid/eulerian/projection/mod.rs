@@ -15,6 +15,7 @@
 //! velocity is mirrored, so that nothing flows through. See docs/theory/fluids.md, "Fluids that keep their volume".
 
 mod flow;
+pub(in crate::fluid) mod heat;
 mod kernels;
 pub(in crate::fluid) mod pair;
 pub(in crate::fluid) mod phase;
@@ -22,6 +23,7 @@ mod pressure;
 mod slots;
 #[cfg(test)]
 mod tests;
+pub(in crate::fluid) mod thermocapillary;
 mod wetting;
 
 use std::sync::Arc;
@@ -36,11 +38,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use flow::largest;
+use heat::{FlowHeat, HeatedFluid};
 use kernels::{Inputs, JumpSums};
 use pair::FluidPair;
 use phase::{InterfaceReport, Measured, Phase};
 use pressure::{PressureBonds, PressureSolver};
 use slots::FlowSlots;
+use thermocapillary::Thermocapillary;
 
 use super::fluxes::AT_WALLS;
 use super::fluxes::FlowNow;
@@ -73,6 +77,10 @@ pub(in crate::fluid) struct Projection {
     mixed_viscosity: Vec<f64>,
     /// What two fluids have besides.
     phase: Option<Phase>,
+    /// Heat that is carried, where `thermal` takes it up.
+    heat: Option<FlowHeat>,
+    /// Where surface tension depends on the temperature.
+    thermocapillary: Option<Thermocapillary>,
     /// At the start of the step, and in its middle, by point, m/s.
     start: Vec<Vector3<f64>>,
     middle: Vec<Vector3<f64>>,
@@ -104,6 +112,10 @@ pub(in crate::fluid) struct ProjectionState {
     wall_speed: f64,
     /// Volume of the first of two fluids at the start, m³.
     first_volume: f64,
+    /// Surface tension by point, N/m; empty where it does not depend on the temperature.
+    tension: Vec<f64>,
+    /// Largest acceleration along surfaces, m/s².
+    surface_acceleration: f64,
 }
 
 const PUSH_2D: usize = Inputs::<2>::PUSH;
@@ -132,6 +144,8 @@ pub(super) struct ProjectionDomain {
     pub(super) complete: CompleteFamily,
     /// Where there are two fluids.
     pub(super) pair: Option<FluidPair>,
+    /// Where the temperature is known.
+    pub(super) heat: Option<HeatedFluid>,
 }
 
 impl Projection {
@@ -146,8 +160,10 @@ impl Projection {
             family,
             complete,
             pair,
+            heat,
         } = domain;
         let (dimension, points) = (body.dimension, body.points.len());
+        let (curves, surfaces) = heat.map(|heat| (heat.curves, heat.surfaces)).unzip();
         Projection {
             dimension,
             complete,
@@ -155,15 +171,16 @@ impl Projection {
             spacing: body.finest_spacing(),
             slot: (0..points).map(|i| family.slot_of(i) as u32).collect(),
             state: ProjectionState {
-                step: 0.0,
                 predicted: vec![Vector3::zeros(); points],
                 acceleration: vec![Vector3::zeros(); points],
-                wall_speed: 0.0,
-                first_volume: 0.0,
+                ..ProjectionState::default()
             },
             slots: FlowSlots::new(&family, dimension),
             viscosity: SlotField::default(),
             mixed_viscosity: Vec::new(),
+            heat: curves.map(|curves| FlowHeat::new(curves, pair.map(|p| p.material), body)),
+            thermocapillary: surfaces
+                .and_then(|laws| Thermocapillary::new(laws, body, &family, 1.0 / complete.moment)),
             phase: pair.map(|pair| Phase::new(pair, body)),
             start: vec![Vector3::zeros(); points],
             middle: vec![Vector3::zeros(); points],
@@ -187,6 +204,9 @@ impl Projection {
         let points = self.slot.len();
         check_length("predicted velocities", state.predicted.len(), points)?;
         check_length("accelerations", state.acceleration.len(), points)?;
+        if !state.tension.is_empty() {
+            check_length("surface tensions", state.tension.len(), points)?;
+        }
         self.state = state;
         Ok(())
     }
@@ -200,6 +220,7 @@ impl Projection {
     ) {
         if self.state.step == 0.0 {
             self.state.predicted.copy_from_slice(velocity);
+            self.set_tension();
         }
         self.slots
             .pressure
@@ -225,6 +246,15 @@ impl Projection {
         if let Some(phase) = &self.phase {
             fraction.copy_from_slice(&phase.fraction);
         }
+    }
+
+    /// Heat that is carried, where `thermal` takes it up.
+    pub(in crate::fluid) fn heat(&self) -> Option<&FlowHeat> {
+        self.heat.as_ref()
+    }
+
+    pub(in crate::fluid) fn heat_mut(&mut self) -> Option<&mut FlowHeat> {
+        self.heat.as_mut()
     }
 
     /// Keeps the volume of the first of two fluids at the start, for volumes by point (m³).
@@ -276,7 +306,7 @@ impl Projection {
         let diffusivity = (self.phase.as_ref()).map_or(diffusivity, |p| p.pair.diffusivity());
         let speed = largest(velocity).max(self.state.wall_speed);
         let way = LARGEST_WAY * self.spacing;
-        let half = 0.5 * largest(&self.state.acceleration);
+        let half = 0.5 * (largest(&self.state.acceleration) + self.state.surface_acceleration);
         let by_way = 2.0 * way / (speed + (speed * speed + 4.0 * half * way).sqrt());
         let by_viscosity = 1.0 / (self.stability().laplacian * diffusivity);
         by_way.min(by_viscosity).min(self.capillary_step())

@@ -3,9 +3,10 @@
 use std::f64::consts::PI;
 
 use perimelt_core::law::Law;
+use perimelt_core::material::Property;
 use perimelt_core::numbers::{check_at_least, check_positive};
 use perimelt_core::world::{BodyIndex, ContactAngle};
-use perimelt_core::{Body, Fact, Key, Setup, SetupError};
+use perimelt_core::{Body, Fact, Key, Setup, SetupError, SurfaceTension, TensionLaw};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +14,7 @@ use crate::dependent_keys::need;
 use crate::fluid::viscosity::ViscositySweep;
 
 /// Fraction of the first of two fluids.
-pub(in crate::fluid) const FLUID_FRACTION: Key<f64> = Key::new(
+pub(crate) const FLUID_FRACTION: Key<f64> = Key::new(
     "fluid_fraction",
     "1",
     "volume of the first of two fluids over that of the point",
@@ -28,10 +29,18 @@ pub struct Interface {
     #[serde(default = "usual_width")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub width: f64,
-    /// Tension of the interface, N/m; when left out, the property `surface_tension` of the first fluid.
+    /// Tension of the interface, N/m, at the `reference_temperature` if `tension.slope` is given; when left out, the property
+    /// `surface_tension` of the first fluid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0))]
     pub surface_tension: Option<f64>,
+    /// How the tension depends on the temperature, which needs `thermal`; when left out, as the property of the first fluid does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tension: Option<SurfaceTension>,
+    /// Temperature at which a tension with a `slope` has the value `surface_tension`, K.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub reference_temperature: Option<f64>,
 }
 
 fn usual_width() -> f64 {
@@ -43,6 +52,71 @@ impl Default for Interface {
         Interface {
             width: usual_width(),
             surface_tension: None,
+            tension: None,
+            reference_temperature: None,
+        }
+    }
+}
+
+impl Interface {
+    /// The tension between two fluids of a body, which are these materials.
+    fn law(
+        &self,
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+        material: [u16; 2],
+    ) -> Result<TensionLaw, SetupError> {
+        let Interface {
+            surface_tension,
+            tension,
+            reference_temperature,
+            ..
+        } = *self;
+        let reference = "interface.reference_temperature";
+        check_at_least("interface.surface_tension", surface_tension, 0.0, "N/m")?;
+        check_positive(reference, reference_temperature, "K")?;
+        let names = material.map(|m| setup.body(body).materials[m as usize].name().to_owned());
+        let first = &setup.body(body).materials[material[0] as usize];
+        let property = first
+            .same_in_all_directions("surface_tension")
+            .ok()
+            .flatten();
+        let constant = surface_tension.or(property.and_then(Property::constant));
+        let unknown = || {
+            let [first, second] = &names;
+            let message = format!("the tension between `{first}` and `{second}` is unknown");
+            let expected = "`interface = { surface_tension = ... }` in N/m, 0 where there is none";
+            SetupError::value("fluids", message, expected)
+        };
+        let slope = match tension {
+            Some(SurfaceTension::Slope(slope)) => Some(slope),
+            _ => None,
+        };
+        need(
+            slope.is_some() == reference_temperature.is_some(),
+            reference,
+            "the temperature at which a tension has its value belongs to a constant slope",
+            "both `interface.tension.slope` and `interface.reference_temperature`, or neither",
+        )?;
+        tension.map_or(Ok(()), |tension| tension.check("interface.tension"))?;
+        if let (Some(slope), Some(temperature)) = (slope, reference_temperature) {
+            let value = constant.ok_or_else(unknown)?;
+            return Ok(TensionLaw::linear(value, temperature, slope));
+        }
+        need(
+            tension.is_none() || surface_tension.is_none(),
+            "interface.surface_tension",
+            "`interface.tension` gives the tension at every temperature, and this is another value",
+            "one of the two, or `tension.slope` with a `reference_temperature`",
+        )?;
+        let of_property = SurfaceTension::Material;
+        match (surface_tension, tension) {
+            (Some(value), _) => Ok(TensionLaw::constant(value)),
+            (None, None) if property.is_none() => Err(unknown()),
+            (None, law) => {
+                let law = law.unwrap_or(of_property);
+                law.prepare("interface.tension", setup, body, material[0])
+            }
         }
     }
 }
@@ -56,6 +130,13 @@ pub(in crate::fluid) struct PairKeys<'a> {
     pub(in crate::fluid) viscosity: Option<&'a Law<dyn ViscositySweep>>,
 }
 
+/// Two fluids, and the tension between them where it depends on the temperature.
+#[derive(Clone, Debug)]
+pub(in crate::fluid) struct PreparedPair {
+    pub(in crate::fluid) pair: FluidPair,
+    pub(in crate::fluid) tension: Option<TensionLaw>,
+}
+
 /// Two fluids.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::fluid) struct FluidPair {
@@ -65,7 +146,7 @@ pub(in crate::fluid) struct FluidPair {
     pub(in crate::fluid) density: [f64; 2],
     /// Viscosity of each, Pa s.
     pub(in crate::fluid) viscosity: [f64; 2],
-    /// N/m.
+    /// N/m; the largest of the last step where it depends on the temperature.
     pub(in crate::fluid) surface_tension: f64,
     /// Length over which the fraction changes, in spacings.
     pub(in crate::fluid) width: f64,
@@ -73,25 +154,31 @@ pub(in crate::fluid) struct FluidPair {
     pub(in crate::fluid) contact_cosine: [Option<f64>; 6],
 }
 
-/// Two fluids flow through the points of a body.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct TwoFluids;
+/// Two fluids flow through the points of a body: the names of their materials.
+#[derive(Clone, Debug)]
+pub(crate) struct TwoFluids(pub(in crate::fluid) Vec<String>);
 
 impl Fact for TwoFluids {}
+
+impl TwoFluids {
+    /// Indices of their materials; `None` where the names are a mistake, which the fluid reports.
+    pub(crate) fn materials(&self, body: &Body) -> Option<[u16; 2]> {
+        match &self.0[..] {
+            [first, second] => Some([index(body, first).ok()?, index(body, second).ok()?]),
+            _ => None,
+        }
+    }
+}
 
 impl FluidPair {
     /// The two fluids of a body.
     pub(in crate::fluid) fn prepare(
         keys: PairKeys<'_>,
-        setup: &Setup<'_>,
+        setup: &mut Setup<'_>,
         body: BodyIndex,
-    ) -> Result<FluidPair, SetupError> {
-        let Interface {
-            width,
-            surface_tension,
-        } = keys.interface;
+    ) -> Result<PreparedPair, SetupError> {
+        let width = keys.interface.width;
         check_positive("interface.width", width, "")?;
-        check_at_least("interface.surface_tension", surface_tension, 0.0, "N/m")?;
         need(
             keys.viscosity.is_none_or(|law| law.name == "newtonian"),
             "viscosity",
@@ -126,26 +213,23 @@ impl FluidPair {
                 SetupError::value("fluids", message, "a number for `viscosity`, Pa s")
             })
         };
-        let of_material = || {
-            let of_first = &this.materials[material[0] as usize];
-            let property = of_first.same_in_all_directions("surface_tension").ok()??;
-            property.constant()
-        };
-        let surface_tension = surface_tension.or_else(of_material).ok_or_else(|| {
-            let message = format!("the tension between `{first}` and `{second}` is unknown");
-            let expected = "`interface = { surface_tension = ... }` in N/m, 0 where there is none";
-            SetupError::value("fluids", message, expected)
-        })?;
-        Ok(FluidPair {
+        let viscosity = [viscosity(0)?, viscosity(1)?];
+        let law = keys.interface.law(setup, body, material)?;
+        let surface_tension = law.typical();
+        let pair = FluidPair {
             material,
             density: material.map(|m| densities[m as usize]),
-            viscosity: [viscosity(0)?, viscosity(1)?],
+            viscosity,
             surface_tension,
             width,
             contact_cosine: match surface_tension > 0.0 {
                 true => contact_cosines(setup, body),
                 false => [None; 6],
             },
+        };
+        Ok(PreparedPair {
+            pair,
+            tension: (!law.is_constant()).then_some(law),
         })
     }
 

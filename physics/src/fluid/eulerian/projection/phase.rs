@@ -32,9 +32,9 @@ const CUT: f64 = 1e-12;
 const LEAST_SPEED: f64 = 0.05;
 
 /// `sum_j b xi (f_j - f_i)`.
-struct Gradient {
+pub(super) struct Gradient {
     /// `1 / a`, 1/m.
-    inverse: f64,
+    pub(super) inverse: f64,
 }
 
 impl<const D: usize> BondKernel<1, D> for Gradient {
@@ -75,7 +75,7 @@ pub(super) struct Phase {
     wetting: Wetting,
     /// Gradient of the distance, rows of points.
     gradient: Vec<f64>,
-    curvature: Vec<[f64; 1]>,
+    pub(super) curvature: Vec<[f64; 1]>,
     /// By slot: distance, m, steepness of the distance, and normals into the first fluid.
     distance: SlotField,
     steepness: SlotField,

@@ -15,22 +15,22 @@ use crate::fluid::tests::{Filled, MirroredBox, flow, periodic};
 use crate::testing::{run, set, values};
 
 /// A fluid of 2 kg/m³ in a box of 1 m, of which the faces `mirrored` are planes of symmetry and the others periodic.
-struct Tank {
-    body: Body,
-    rates: Projection,
+pub(super) struct Tank {
+    pub(super) body: Body,
+    pub(super) rates: Projection,
     medium: Medium,
     rules: Vec<LayerRule>,
-    velocity: Vec<Vector3<f64>>,
-    density: Vec<f64>,
-    pressure: Vec<f64>,
+    pub(super) velocity: Vec<Vector3<f64>>,
+    pub(super) density: Vec<f64>,
+    pub(super) pressure: Vec<f64>,
 }
 
 impl Tank {
-    fn new(dimension: usize, n: usize, mirrored: &[Face], horizon: f64) -> Tank {
+    pub(super) fn new(dimension: usize, n: usize, mirrored: &[Face], horizon: f64) -> Tank {
         Tank::with(dimension, n, mirrored, horizon, None)
     }
 
-    fn with(
+    pub(super) fn with(
         dimension: usize,
         n: usize,
         mirrored: &[Face],
@@ -58,6 +58,7 @@ impl Tank {
             family,
             complete,
             pair,
+            heat: None,
         };
         let rates = Projection::new(keys, Convection::Central, &body, domain);
         Tank {
@@ -72,7 +73,7 @@ impl Tank {
     }
 
     /// A step of `dt` (s) under a force, N/m³.
-    fn step(&mut self, dt: f64, force: Option<&[Vector3<f64>]>) {
+    pub(super) fn step(&mut self, dt: f64, force: Option<&[Vector3<f64>]>) {
         let terms = Terms {
             medium: &self.medium,
             force,
@@ -98,7 +99,7 @@ impl Tank {
     }
 }
 
-fn sides(dimension: usize) -> &'static [Face] {
+pub(super) fn sides(dimension: usize) -> &'static [Face] {
     &Face::ALL[..2 * dimension]
 }
 
@@ -204,7 +205,7 @@ fn a_stream_carries_vortices_as_they_are() {
     }
 }
 
-const STEEL_AND_GAS: FluidPair = FluidPair {
+pub(super) const STEEL_AND_GAS: FluidPair = FluidPair {
     material: [0, 1],
     density: [8.0, 2.0],
     viscosity: [6.0, 2.0],
