@@ -162,6 +162,10 @@ fn doubtful_numbers_are_told() {
         ),
         ("half_width = 0.002", "half_width = 0.0002"),
         (
+            "liquidus = 1750\nlatent_heat = 2.6e5\nthermal_expansion = 1.2e-5\n",
+            "liquidus = 1950\nlatent_heat = 2.6e5\nviscosity = 5e-3\n\n[[physics]]\ntype = \"melt_flow\"\nsurface = { faces = [\"z+\"], tension.sulphur = 0.01 }\n",
+        ),
+        (
             "type = \"thermal\"",
             "type = \"mechanical\"\nformulation = \"correspondence\"\n[[physics]]\ntype = \"thermal\"",
         ),
@@ -304,6 +308,13 @@ mistakes! {
     contact_angle_beyond_half_a_turn: "[[couplers]]\ntype = \"phase_change\"" => "[[couplers]]\ntype = \"wall\"\nfaces = [\"z-\"]\ncontact_angle = 190\n[[couplers]]\ntype = \"phase_change\"";
     contact_angle_without_two_fluids: "thermal_expansion = 1.2e-5\n" => "viscosity = 5e-3\n\n[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\n\n[[couplers]]\ntype = \"wall\"\nfaces = [\"x-\", \"x+\", \"y-\", \"y+\", \"z-\", \"z+\"]\ncontact_angle = 60\n";
     three_fluids: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\nfluids = [\"a\", \"b\", \"c\"]\n[[couplers]]\ntype = \"phase_change\"";
+    tension_along_a_wall_to_which_the_fluid_sticks: "[[couplers]]\ntype = \"phase_change\"" => "[[couplers]]\ntype = \"wall\"\nfaces = [\"z+\"]\ntension.slope = -1e-3\n[[couplers]]\ntype = \"phase_change\"";
+    tension_along_a_wall_without_a_fluid: "[[couplers]]\ntype = \"phase_change\"" => "[[couplers]]\ntype = \"wall\"\nfaces = [\"z+\"]\nkind = \"slip\"\ntension.slope = -1e-3\n[[couplers]]\ntype = \"phase_change\"";
+    tension_along_a_wall_without_heat: "thermal_expansion = 1.2e-5\n\n[[physics]]\ntype = \"thermal\"\nhorizon = 2\n" => "viscosity = 5e-3\n\n[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\n\n[[couplers]]\ntype = \"wall\"\nfaces = [\"x-\", \"x+\", \"y-\", \"y+\", \"z-\", \"z+\"]\nkind = \"slip\"\ntension.slope = -1e-3\n";
+    tension_beside_its_value: "initial.temperature = 300\n\n[materials.steel]\n" => "initial.temperature = 300\nmaterials = { base = \"argon\" }\n\n[materials.argon]\ndensity = 100\nspecific_heat = 500\nconductivity = 0.02\nviscosity = 1e-5\n\n[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\nfluids = [\"steel\", \"argon\"]\ninterface = { surface_tension = 1.8, tension.sulphur = 0.01 }\n\n[materials.steel]\nviscosity = 5e-3\n";
+    slope_of_a_tension_without_its_temperature: "initial.temperature = 300\n\n[materials.steel]\n" => "initial.temperature = 300\nmaterials = { base = \"argon\" }\n\n[materials.argon]\ndensity = 100\nspecific_heat = 500\nconductivity = 0.02\nviscosity = 1e-5\n\n[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\nfluids = [\"steel\", \"argon\"]\ninterface = { surface_tension = 1.8, tension.slope = -4e-4 }\n\n[materials.steel]\nviscosity = 5e-3\n";
+    slope_of_a_tension_without_its_value: "initial.temperature = 300\n\n[materials.steel]\n" => "initial.temperature = 300\nmaterials = { base = \"argon\" }\n\n[materials.argon]\ndensity = 100\nspecific_heat = 500\nconductivity = 0.02\nviscosity = 1e-5\n\n[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\nfluids = [\"steel\", \"argon\"]\ninterface = { tension.slope = -4e-4, reference_temperature = 1800 }\n\n[materials.steel]\nviscosity = 5e-3\nsurface_tension = { temperature = [1800, 3000], value = [1.8, 1.3] }\n";
+    two_fluids_that_melt: "initial.temperature = 300\n\n[materials.steel]\n" => "initial.temperature = 300\nmaterials = { base = \"argon\" }\n\n[materials.argon]\ndensity = 100\nspecific_heat = 500\nconductivity = 0.02\nviscosity = 1e-5\n\n[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\nfluids = [\"steel\", \"argon\"]\ninterface = { surface_tension = 1.8 }\n\n[materials.steel]\nviscosity = 5e-3\n";
     conductivity_with_directions_in_the_form_of_bonds: "conductivity = { temperature = [300, 1000], value = [50, 30] }" => "conductivity = { along = 30, across = 3 }";
     property_without_directions: "density = 7800" => "density = { along = 7800, across = 7000 }";
     conductivity_across_fibres_below_zero: "conductivity = { temperature = [300, 1000], value = [50, 30] }" => "conductivity = { along = 30, across = { temperature = [300, 1000], value = [3, -1] } }";

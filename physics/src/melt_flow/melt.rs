@@ -57,6 +57,9 @@ impl Melt {
             let expected = "a body of which one material melts";
             return Err(SetupError::value("body", message, expected));
         };
+        let law = keys.surface.as_ref().and_then(|surface| surface.tension);
+        let tension = law.map(|law| law.prepare("surface.tension", setup, body, material));
+        let tension = tension.transpose()?;
         let of = |name: &str| setup.world().property_of(body, material, name);
         let liquidus = curve.latent_heat().map_or(0.0, |latent| latent.liquidus);
         let lift = match &keys.buoyancy {
@@ -73,8 +76,6 @@ impl Melt {
             false => None,
         };
         let viscosity = of("viscosity")?;
-        let law = keys.surface.as_ref().and_then(|surface| surface.tension);
-        let tension = law.map(|law| law.prepare("surface.tension", setup, body, material));
         Ok(Melt {
             material,
             density: setup.world().reference_densities(body)?[usize::from(material)],
@@ -82,7 +83,7 @@ impl Melt {
             viscosity_factor: keys.viscosity_factor,
             conductivity,
             lift,
-            tension: tension.transpose()?,
+            tension,
             drag: keys.drag,
             curve: curve.clone(),
         })

@@ -24,18 +24,25 @@ impl MixedFluids {
     pub(super) fn prepare(
         setup: &mut Setup<'_>,
         body: BodyIndex,
-        curves: &[EnthalpyCurve],
     ) -> Result<Option<MixedFluids>, SetupError> {
         let fluids = setup.facts::<TwoFluids>(body).next();
         let materials = fluids.and_then(|fluids| fluids.materials(setup.body(body)));
         let Some(materials) = materials else {
             return Ok(None);
         };
+        Ok(Some(MixedFluids {
+            materials,
+            fraction: setup.read(body, &FLUID_FRACTION)?,
+        }))
+    }
+
+    /// Refuses heat capacities that differ too much.
+    pub(super) fn check(&self, curves: &[EnthalpyCurve]) -> Result<(), SetupError> {
         let of = |m: u16| {
             let curve = &curves[m as usize];
             [curve.minimum_capacity(), curve.maximum_capacity()]
         };
-        let [first, second] = materials.map(of);
+        let [first, second] = self.materials.map(of);
         let ratio = (first[1] / second[0]).max(second[1] / first[0]);
         if ratio > LARGEST_RATIO {
             let message = format!(
@@ -46,10 +53,7 @@ impl MixedFluids {
             );
             return Err(SetupError::value("body", message, expected));
         }
-        Ok(Some(MixedFluids {
-            materials,
-            fraction: setup.read(body, &FLUID_FRACTION)?,
-        }))
+        Ok(())
     }
 
     /// The mixture with this fraction of the first fluid by point.

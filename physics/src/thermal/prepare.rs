@@ -85,7 +85,7 @@ impl RunningThermal {
         horizon.check(setup.body(body))?;
         let fields = HeatFields::declare(setup, body)?;
         let curves = setup.world().enthalpy_curves(body)?;
-        let fluids = MixedFluids::prepare(setup, body, &curves)?;
+        let fluids = MixedFluids::prepare(setup, body)?;
         let flow = HeatOfFlow {
             is_given: fields.carried.is_some(),
             of_two_fluids: fluids.is_some(),
@@ -102,6 +102,7 @@ impl RunningThermal {
         };
         let (family, mut conduction) = thermal.operators(setup, &domain, keys.form)?;
         if let Some(fluids) = &fluids {
+            fluids.check(&curves)?;
             conduction.set_fluids(fluids.materials);
         }
         let refined = Refined::prepare(setup, &domain, family)?;
