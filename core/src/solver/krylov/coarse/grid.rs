@@ -27,6 +27,8 @@ const LEAST_NODES: usize = 12;
 /// widened to meet it.
 const MOST_REACH: f64 = 3.0;
 
+const ZERO: [[f64; 3]; 3] = [[0.0; 3]; 3];
+
 /// Corners of a cell in three dimensions.
 pub(super) const CORNERS: usize = 8;
 
@@ -229,7 +231,7 @@ impl CoarseGrid {
     }
 
     /// Forces on the corners of the cell of `members` under unit displacements of the nodes in its window, by
-    /// corner and node.
+    /// node and corner.
     pub(super) fn stiffness(
         &self,
         members: &[u32],
@@ -238,11 +240,10 @@ impl CoarseGrid {
         let corners = 1 << self.layout.dimension;
         let window = self.window().pow(self.layout.dimension as u32);
         let to_corner = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| self.in_window(corner, [0; 3]));
-        let mut block = vec![[[0.0; 3]; 3]; corners * window];
-        let mut on_point = vec![[[0.0; 3]; 3]; window];
+        let mut block = vec![ZERO; corners * window];
+        let mut on_point = vec![ZERO; window];
         for &point in members {
             let point = point as usize;
-            on_point.fill([[0.0; 3]; 3]);
             let mut follow = |other: usize, shift: [isize; 3], mut stiffness: [[f64; 3]; 3]| {
                 for row in &mut stiffness {
                     (0..3).for_each(|axis| row[axis] *= self.free[other][axis]);
@@ -269,13 +270,13 @@ impl CoarseGrid {
                 follow(spring.to, shift, stiffness.map(end));
             });
             follow(point, [0; 3], own);
-            let weights = self.weights[point]
-                .iter()
-                .zip(block.chunks_exact_mut(window));
-            for (weight, block) in weights {
-                let factors = self.free[point].map(|free| weight * free);
-                let nodes = block.iter_mut().zip(&on_point);
-                nodes.for_each(|(sum, stiffness)| accumulate(sum, factors, stiffness));
+            let factors = self.weights[point].map(|weight| self.free[point].map(|f| weight * f));
+            let nodes = on_point.iter_mut().zip(block.chunks_exact_mut(corners));
+            // springs reach few nodes of the window
+            for (stiffness, block) in nodes.filter(|(stiffness, _)| **stiffness != ZERO) {
+                let sums = block.iter_mut().zip(factors);
+                sums.for_each(|(sum, factors)| accumulate(sum, factors, stiffness));
+                *stiffness = ZERO;
             }
         }
         block
@@ -286,9 +287,9 @@ impl CoarseGrid {
         let dimension = self.layout.dimension;
         let first = self.first_node(members[0] as usize);
         let before = self.layout.reach * self.layout.stride[..dimension].iter().sum::<usize>();
-        let window = self.window().pow(dimension as u32);
+        let corners = 1 << dimension;
         for (index, stiffness) in block.iter().enumerate() {
-            let (corner, place) = (index / window, index % window);
+            let (place, corner) = (index / corners, index % corners);
             let node = self.corner_node(first, corner);
             let along = |axis: usize| place / self.window().pow(axis as u32) % self.window();
             let after = (0..dimension).map(|axis| along(axis) * self.layout.stride[axis]);

@@ -20,6 +20,9 @@ use grid::{CORNERS, CoarseGrid, Network};
 /// Fraction of the coarse displacement that is applied: the diagonal corrects smooth displacements, too.
 const DAMPING: f64 = 0.6;
 
+/// Points that one task moves.
+const CHUNK: usize = 512;
+
 /// Number of cells whose stiffness is held in memory at once.
 const BATCH: usize = 64;
 
@@ -98,15 +101,18 @@ impl CoarseSpace {
     /// Adds the coarse displacement under `residual` to `out`, three components for each point.
     pub(super) fn add_correction(&self, residual: &[f64], out: &mut [f64]) {
         let (grid, dimension) = (&self.grid, self.grid.dimension());
+        let corners = 1 << dimension;
         let (forces, _) = residual.as_chunks::<3>();
         let sums = grid.members.par_iter().map(|members| {
             let mut sums = [[0.0; 3]; CORNERS];
             for &point in members {
-                let point = point as usize;
-                for (sum, weight) in sums.iter_mut().zip(grid.weights[point]) {
-                    for axis in 0..dimension {
-                        sum[axis] += weight * grid.free[point][axis] * forces[point][axis];
-                    }
+                let (free, force) = (&grid.free[point as usize], &forces[point as usize]);
+                let [x, y, z] = [0, 1, 2].map(|axis| free[axis] * force[axis]);
+                let weights = &grid.weights[point as usize];
+                for (sum, weight) in sums.iter_mut().zip(weights).take(corners) {
+                    sum[0] += weight * x;
+                    sum[1] += weight * y;
+                    sum[2] += weight * z;
                 }
             }
             sums
@@ -115,20 +121,32 @@ impl CoarseSpace {
         let mut nodes = vec![0.0; grid.size().0];
         for (members, sums) in grid.members.iter().zip(&sums) {
             let first = grid.first_node(members[0] as usize);
-            for (corner, sum) in sums.iter().enumerate().take(1 << dimension) {
+            for (corner, sum) in sums.iter().enumerate().take(corners) {
                 let node = grid.corner_node(first, corner);
                 (0..dimension).for_each(|axis| nodes[dimension * node + axis] += sum[axis]);
             }
         }
         self.factor.solve(&mut nodes);
+        let moved: Vec<[f64; 3]> = nodes
+            .chunks_exact(dimension)
+            .map(|node| [0, 1, 2].map(|axis| node.get(axis).copied().unwrap_or(0.0)))
+            .collect();
+        let corner_nodes = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| grid.corner_node(0, corner));
         let (vectors, _) = out.as_chunks_mut::<3>();
-        vectors.par_iter_mut().enumerate().for_each(|(point, out)| {
-            let first = grid.first_node(point);
-            for (corner, weight) in grid.weights[point].iter().enumerate().take(1 << dimension) {
-                let node = grid.corner_node(first, corner);
-                for axis in 0..dimension {
-                    out[axis] +=
-                        DAMPING * weight * grid.free[point][axis] * nodes[dimension * node + axis];
+        let points = vectors.par_iter_mut().enumerate().with_min_len(CHUNK);
+        points.for_each(|(point, out)| {
+            let around = &moved[grid.first_node(point)..];
+            let [mut x, mut y, mut z] = *out;
+            let weights = grid.weights[point].iter().zip(corner_nodes);
+            for (weight, node) in weights.take(corners) {
+                let (part, node) = (DAMPING * weight, &around[node]);
+                x += part * node[0];
+                y += part * node[1];
+                z += part * node[2];
+            }
+            for (axis, value) in [x, y, z].into_iter().enumerate() {
+                if grid.free[point][axis] != 0.0 {
+                    out[axis] = value;
                 }
             }
         });
