@@ -22,6 +22,7 @@ mod pressure;
 mod slots;
 #[cfg(test)]
 mod tests;
+pub(super) mod wetted_body;
 mod wetting;
 
 use std::sync::Arc;
@@ -41,6 +42,7 @@ use pair::FluidPair;
 use phase::{InterfaceReport, Measured, Phase};
 use pressure::{PressureBonds, PressureSolver};
 use slots::FlowSlots;
+use wetted_body::WettedBody;
 
 use super::fluxes::AT_WALLS;
 use super::fluxes::FlowNow;
@@ -49,6 +51,7 @@ use super::fluxes::short_waves::{DecayingWaves, FlowBonds};
 use crate::advection::Convection;
 use crate::fluid::medium::Medium;
 use crate::fluid::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
+use crate::fluid::walls::Walls;
 use crate::shape_tensor::CompleteFamily;
 
 /// Largest way of the fluid in a step, in spacings.
@@ -60,6 +63,8 @@ pub(in crate::fluid) struct Projection {
     dimension: usize,
     family: Arc<Family>,
     complete: CompleteFamily,
+    /// Bodies that are walls.
+    pub(in crate::fluid::eulerian) walls: Walls,
     /// Largest divergence over speed by spacing.
     tolerance: f64,
     /// m.
@@ -130,8 +135,11 @@ pub(in crate::fluid) struct ProjectionKeys {
 pub(super) struct ProjectionDomain {
     pub(super) family: Arc<Family>,
     pub(super) complete: CompleteFamily,
+    pub(super) walls: Walls,
     /// Where there are two fluids.
     pub(super) pair: Option<FluidPair>,
+    /// What two fluids do at the walls.
+    pub(super) wetted: Vec<WettedBody>,
 }
 
 impl Projection {
@@ -145,7 +153,9 @@ impl Projection {
         let ProjectionDomain {
             family,
             complete,
+            walls,
             pair,
+            wetted,
         } = domain;
         let (dimension, points) = (body.dimension, body.points.len());
         Projection {
@@ -164,7 +174,7 @@ impl Projection {
             slots: FlowSlots::new(&family, dimension),
             viscosity: SlotField::default(),
             mixed_viscosity: Vec::new(),
-            phase: pair.map(|pair| Phase::new(pair, body)),
+            phase: pair.map(|pair| Phase::new(pair, body, &walls, wetted)),
             start: vec![Vector3::zeros(); points],
             middle: vec![Vector3::zeros(); points],
             diffusion: vec![0.0; points * (dimension + 1)],
@@ -175,6 +185,7 @@ impl Projection {
             excess: vec![[0.0]; points],
             solver: PressureSolver::new(points),
             iterations: 0,
+            walls,
             family,
         }
     }
@@ -324,6 +335,7 @@ impl Rates for Projection {
             velocity,
             density,
         };
+        self.find_slopes(&flow);
         let in_series = terms.medium.viscosity.needs_shear_rate();
         match (self.dimension, &self.phase) {
             (2, Some(_)) => self.find_jumping_viscosity::<2, VISCOUS_2D, JUMPS_2D>(&flow),
