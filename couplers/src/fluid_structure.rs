@@ -15,6 +15,8 @@
 //! gradient, are the field `interface_normal` of the solid, evaluated when a state is logged; its collision of points with
 //! the solid is `collisions` of `fluid`.
 
+use perimelt_core::numbers::check_within;
+use perimelt_core::world::{ContactAngle, WallPlace};
 use perimelt_core::{
     Coupler, ExpectedGift, FactRule, Prepared, RunningCoupler, Setup, SetupError, Stepping, Wall,
     keys,
@@ -38,6 +40,11 @@ pub struct FluidStructure {
     /// Whether the fluid slips along the solid; else it sticks.
     #[serde(default)]
     pub slip: bool,
+    /// Angle at which the interface of two fluids meets the solid, in the first fluid, degrees; when left out, 90, and the
+    /// solid has no energy of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0, "maximum" = 180))]
+    pub contact_angle: Option<f64>,
 }
 
 #[typetag::serialize(name = "fluid_structure")]
@@ -82,6 +89,10 @@ impl Coupler for FluidStructure {
             unread: NO_WALLS,
         };
         setup.publish(fluid, wall)?;
+        if let Some(angle) = check_within("contact_angle", self.contact_angle, 0.0, 180.0)? {
+            let wall = WallPlace::Body(solid);
+            setup.publish(fluid, ContactAngle { wall, angle })?;
+        }
         setup.publish(solid, ExpectedGift::of(&keys::IMPULSE))?;
         setup.stepping(Stepping {
             is_steady: true,
@@ -133,6 +144,10 @@ mod tests {
             (
                 "fluid = 'block'\nsolid = 'cube'",
                 "a 3D solid cannot be a wall of a 2D fluid",
+            ),
+            (
+                "fluid = 'block'\nsolid = 'gate'\ncontact_angle = -1",
+                "contact_angle: ",
             ),
             // nothing flows
             ("fluid = 'block'\nsolid = 'gate'", "no physics"),

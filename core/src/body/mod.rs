@@ -34,7 +34,7 @@ use nalgebra::Vector3;
 
 use crate::axis::Axis;
 use crate::material::Material;
-use crate::shape::{Bounds, Shape};
+use crate::shape::{Bounds, Shape, SurfacePart};
 use crate::text::{number, position};
 
 use outline::Outline;
@@ -385,6 +385,12 @@ impl Body {
                 cloud.behind(&self.points.spacing, point, face, [0.0; 3])
             }
         }
+    }
+
+    /// The nearest part of the surface of the shape that the points fill to a position (m), among those that face `outward`; `None` for a body
+    /// whose surface is that of its cells, such as a box.
+    pub fn surface_near(&self, at: Vector3<f64>, outward: Vector3<f64>) -> Option<SurfacePart> {
+        self.outline.as_ref()?.near(at, outward)
     }
 
     /// Whether the cell of a point has a bare face in a direction that is a step of an inclined or curved surface.

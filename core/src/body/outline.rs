@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::{Body, Face, Lattice, Points};
-use crate::shape::{Facing, Shape};
+use crate::shape::{Facing, Shape, SurfacePart};
 
 /// Cell faces farther than this from the surface of the shape, in spacings, are no part of it: steps within a body on which
 /// material is deposited keep their area.
@@ -43,6 +43,16 @@ impl Outline {
         };
         outline.correct(body);
         Some(outline)
+    }
+
+    /// The nearest part of the surface of the shape to a position (m) that faces `outward`.
+    pub fn near(&self, at: Vector3<f64>, outward: Vector3<f64>) -> Option<SurfacePart> {
+        self.shape.facing(&Facing {
+            at,
+            outward,
+            reach: f64::INFINITY,
+            dimension: self.dimension,
+        })
     }
 
     /// Area of the true surface over that of a cell face of a point, and whether the face is a step of an inclined or curved one.

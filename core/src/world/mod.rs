@@ -72,11 +72,20 @@ pub struct SymmetryPlane(pub Face);
 
 impl Fact for SymmetryPlane {}
 
+/// Where a wall of a body is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WallPlace {
+    /// At a face of its box.
+    Face(Face),
+    /// At the surface of another body.
+    Body(BodyIndex),
+}
+
 /// The angle at which the interface of two fluids of a body meets a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactAngle {
     /// The wall.
-    pub face: Face,
+    pub wall: WallPlace,
     /// In the first fluid, degrees.
     pub angle: f64,
 }

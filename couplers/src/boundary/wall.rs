@@ -9,7 +9,7 @@
 //! surface, for whoever has a temperature.
 
 use perimelt_core::numbers::check_within;
-use perimelt_core::world::{ContactAngle, FaceTension, LayerHandle};
+use perimelt_core::world::{ContactAngle, FaceTension, LayerHandle, WallPlace};
 use perimelt_core::{
     Coupler, Face, LayerRole, Prepared, RunError, RunningCoupler, Setup, SetupError, Step,
     Stepping, SurfaceTension, World, keys,
@@ -83,7 +83,10 @@ impl Coupler for Wall {
         let angle = check_within("contact_angle", self.contact_angle, 0.0, 180.0)?;
         let angles = angle.into_iter().flat_map(|angle| {
             let faces = self.faces.iter();
-            faces.map(move |&face| ContactAngle { face, angle })
+            faces.map(move |&face| ContactAngle {
+                wall: WallPlace::Face(face),
+                angle,
+            })
         });
         angles
             .into_iter()
@@ -193,7 +196,10 @@ mod tests {
             });
             prepared.map(|(_, angles)| angles).map_err(|e| e.key)
         };
-        let angles = [Face::XMin, Face::YMax].map(|face| ContactAngle { face, angle: 60.0 });
+        let angles = [Face::XMin, Face::YMax].map(|face| ContactAngle {
+            wall: WallPlace::Face(face),
+            angle: 60.0,
+        });
         assert_eq!(with(true), Ok(angles.to_vec()));
         assert_eq!(with(false), Err("contact_angle".to_string()));
     }

@@ -5,27 +5,21 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Body, Face, Setup, SetupError};
 
-/// A setting with which surfaces may be free.
-#[derive(Clone, Copy)]
-pub(super) struct Otherwise {
-    pub(super) key: &'static str,
-    pub(super) setting: &'static str,
-}
+/// The setting with which surfaces may be free.
+const FREE: &str = "`form = \"conservative\"`";
 
 /// Refuses a body whose families would be incomplete: one that does not fill its box, or has a face without a wall.
 pub(super) fn check_closed(
     setup: &Setup<'_>,
     body: BodyIndex,
     walls: &[Face],
-    otherwise: Otherwise,
 ) -> Result<(), SetupError> {
-    let Otherwise { key, setting } = otherwise;
     if !setup.body(body).fills_box() {
         let message = "the body does not fill its box, so that its surface is free";
-        let expected = format!("{setting}, or a body that fills its box");
-        return Err(SetupError::value(key, message, expected));
+        let expected = format!("{FREE}, or a body that fills its box");
+        return Err(SetupError::value("form", message, expected));
     }
-    check_faces(setup, body, walls, setting)
+    check_faces(setup, body, walls, FREE)
 }
 
 /// Refuses a body with a face that is neither a wall nor periodic; `otherwise` is a setting that needs none.
@@ -94,11 +88,6 @@ mod tests {
     use perimelt_core::Axis;
     use perimelt_core::shape::{BoxShape, Shape};
 
-    const FREE: Otherwise = Otherwise {
-        key: "form",
-        setting: "another form",
-    };
-
     /// A box of 4 by 2 m, periodic along x, with a wall at y = 0.
     #[test]
     fn points_come_back_through_periodic_faces_and_are_reflected_by_walls() {
@@ -152,9 +141,7 @@ mod tests {
             (&[Face::YMin], Some("face `y+`")),
             (&[Face::YMax, Face::ZMin], Some("face `y-`")),
         ] {
-            let found = check_closed(&setup, 0, walls, FREE)
-                .err()
-                .map(|e| e.to_string());
+            let found = check_closed(&setup, 0, walls).err().map(|e| e.to_string());
             match (&found, open) {
                 (None, None) => {}
                 (Some(message), Some(open)) => assert!(message.contains(open), "{message}"),

@@ -74,12 +74,6 @@ impl FluidKeys {
             .is_some_and(|keys| keys.collisions.is_some());
         let has_walls = !walls.is_empty();
         need(
-            !has_walls || !self.is_incompressible(),
-            "state",
-            "a body is a wall of this fluid, which needs a fluid with sound",
-            "a `state` with sound, such as `state.tait`",
-        )?;
-        need(
             has_walls || !follows,
             "description",
             "no body is a wall of this fluid, so that its points have nothing to follow",

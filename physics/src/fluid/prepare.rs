@@ -10,7 +10,7 @@ use crate::advection::usual_horizon;
 use crate::momentum::{Balanced, Momentum};
 use crate::shape_tensor::CompleteFamily;
 
-use super::boundaries::{Otherwise, check_closed, check_faces};
+use super::boundaries::{check_closed, check_faces};
 use super::eulerian::EulerianPoints;
 use super::eulerian::projection::heat::HeatedFluid;
 use super::eulerian::projection::pair::{FLUID_FRACTION, FluidPair, PairKeys, PreparedPair};
@@ -48,10 +48,10 @@ impl FluidRun {
         if heat.is_some() {
             fields.heat = Some(FluidHeat::declare(setup, body)?);
         }
-        if let Some(pair) = pair {
+        if let Some(pair) = &pair {
             fields.fraction = Some(declare_fraction(setup, body, pair)?);
         }
-        let has_faces = !faces.is_empty();
+        let (has_faces, has_interface) = (!faces.is_empty(), pair.is_some());
         let spec = family_spec(&fluid, &keys, setup.body(body), faces);
         let walls = Walls::prepare(setup, body, &spec)?;
         keys.check_walls(&walls)?;
@@ -102,7 +102,7 @@ impl FluidRun {
                 initial: Momentum::default(),
                 given: Momentum::default(),
             }),
-            interface: pair.map(|_| InterfaceReport::default()),
+            interface: has_interface.then(InterfaceReport::default),
             kinetic_energy: 0.0,
             density_deviation: 0.0,
         })
@@ -179,7 +179,7 @@ fn prepare_pair(
 fn declare_fraction(
     setup: &mut Setup<'_>,
     body: BodyIndex,
-    pair: FluidPair,
+    pair: &FluidPair,
 ) -> Result<Write<f64>, SetupError> {
     let fraction = setup.own(body, &FLUID_FRACTION)?;
     let material = setup.body(body).material_of_point.clone();
@@ -195,18 +195,12 @@ fn check_surfaces(
     body: BodyIndex,
     faces: &[Face],
 ) -> Result<(), SetupError> {
-    if !keys.may_have_free_surface() {
-        let otherwise = match keys.is_incompressible() {
-            false => Otherwise {
-                key: "form",
-                setting: "`form = \"conservative\"`",
-            },
-            true => Otherwise {
-                key: "state",
-                setting: "a `state` with sound, such as `state.tait`",
-            },
-        };
-        check_closed(setup, body, faces, otherwise)?;
+    if keys.is_incompressible() {
+        // where it does not fill its box, bodies that are walls must
+        let otherwise = "a `state` with sound, such as `state.tait`";
+        check_faces(setup, body, faces, otherwise)?;
+    } else if !keys.may_have_free_surface() {
+        check_closed(setup, body, faces)?;
     }
     if keys.conservative().is_some_and(|keys| keys.is_closed) {
         let otherwise = "another `surface` than \"closed\"";

@@ -9,7 +9,7 @@ pub(super) mod projection;
 
 use nalgebra::Vector3;
 use perimelt_core::plugin::check_length;
-use perimelt_core::world::BodyIndex;
+use perimelt_core::world::{BodyIndex, WallPlace};
 use perimelt_core::{Setup, SetupError, World, Write, keys};
 use serde::{Deserialize, Serialize};
 
@@ -19,11 +19,13 @@ use super::differences::Differences;
 use super::kinds::{EulerianForm, EulerianKeys};
 use super::points::Surroundings;
 use super::rates::{Rates, Stability};
-use super::walls::{WallMotion, Walls};
+use super::walls::{WallBody, WallMotion, Walls};
 pub(super) use carried_flow::CarriedFlow;
 use differences::EulerianDifferences;
 use fluxes::{FluxDomain, Fluxes};
 use point_motion::PointMotion;
+use projection::pair::FluidPair;
+use projection::wetted_body::WettedBody;
 use projection::{Projection, ProjectionDomain, ProjectionState};
 
 /// Points through which the fluid flows.
@@ -63,7 +65,10 @@ pub(super) enum SavedEulerian {
         displacement: Option<Vec<Vector3<f64>>>,
         walls: Vec<WallMotion>,
     },
-    Projection(ProjectionState),
+    Projection {
+        state: ProjectionState,
+        walls: Vec<WallMotion>,
+    },
 }
 
 impl EulerianPoints {
@@ -86,6 +91,10 @@ impl EulerianPoints {
         setup.publish(body, FlowFamily(around.family))?;
         let family = setup.world().family(around.family);
         let convection = keys.convection;
+        if !matches!(keys.form, EulerianForm::Differences(_)) {
+            let walls = &mut around.walls;
+            walls.immerse(setup, body, &family, &around.complete)?;
+        }
         let form = match keys.form {
             EulerianForm::Differences(keys) => {
                 let core = Differences::prepare(keys, setup.body(body), family)?;
@@ -93,9 +102,21 @@ impl EulerianPoints {
                 EulerianRates::Differences(Box::new(rates))
             }
             EulerianForm::Projection(keys) => {
+                let wetted = |pair: &FluidPair| {
+                    let fluid = setup.body(body);
+                    let walls = around.walls.bodies.iter();
+                    let of_wall = |wall: &WallBody| {
+                        let solid = wall.wall.other;
+                        let cosine = pair.contact_cosine(WallPlace::Body(solid));
+                        WettedBody::new(fluid, setup.body(solid), wall, cosine)
+                    };
+                    walls.map(of_wall).collect()
+                };
                 let domain = ProjectionDomain {
+                    wetted: around.pair.as_ref().map_or_else(Vec::new, wetted),
                     family,
                     complete: around.complete,
+                    walls: around.walls,
                     pair: around.pair,
                     heat: around.heat,
                 };
@@ -103,13 +124,15 @@ impl EulerianPoints {
                 EulerianRates::Projection(Box::new(rates))
             }
             EulerianForm::Resting | EulerianForm::FollowingWalls => {
-                let walls = &mut around.walls;
-                walls.immerse(setup, body, &family, &around.complete)?;
                 let motion = match place {
                     Place::Resting { .. } => None,
                     Place::FollowingWalls { .. } => {
                         let fluid = setup.body(body);
-                        Some(PointMotion::prepare(fluid, &family, &walls.places())?)
+                        Some(PointMotion::prepare(
+                            fluid,
+                            &family,
+                            &around.walls.places(),
+                        )?)
                     }
                 };
                 let domain = FluxDomain {
@@ -152,13 +175,6 @@ impl EulerianPoints {
         }
     }
 
-    fn fluxes_mut(&mut self) -> Option<&mut Fluxes> {
-        match &mut self.form {
-            EulerianRates::Fluxes(rates) => Some(rates),
-            EulerianRates::Differences(_) | EulerianRates::Projection(_) => None,
-        }
-    }
-
     pub(super) fn projection(&self) -> Option<&Projection> {
         match &self.form {
             EulerianRates::Projection(rates) => Some(rates),
@@ -179,11 +195,19 @@ impl EulerianPoints {
     }
 
     pub(super) fn walls(&self) -> Option<&Walls> {
-        self.fluxes().map(|rates| &rates.walls)
+        match &self.form {
+            EulerianRates::Differences(_) => None,
+            EulerianRates::Fluxes(rates) => Some(&rates.walls),
+            EulerianRates::Projection(rates) => Some(&rates.walls),
+        }
     }
 
     pub(super) fn walls_mut(&mut self) -> Option<&mut Walls> {
-        self.fluxes_mut().map(|rates| &mut rates.walls)
+        match &mut self.form {
+            EulerianRates::Differences(_) => None,
+            EulerianRates::Fluxes(rates) => Some(&mut rates.walls),
+            EulerianRates::Projection(rates) => Some(&mut rates.walls),
+        }
     }
 
     /// Volume of the fluid at a point over that of its cell.
@@ -194,15 +218,19 @@ impl EulerianPoints {
     /// Takes positions and velocities of the bodies that are walls for the fluid of `body`, and lets points follow them in a
     /// step of `dt` (s).
     pub(super) fn follow_walls(&mut self, world: &World, body: BodyIndex, dt: f64) {
-        if let Some(rates) = self.fluxes_mut() {
-            rates.follow_walls(world, body, dt);
+        match &mut self.form {
+            EulerianRates::Differences(_) => (),
+            EulerianRates::Fluxes(rates) => rates.follow_walls(world, body, dt),
+            EulerianRates::Projection(rates) => rates.walls.follow(world, body),
         }
     }
 
     /// Gives the walls the opposite of what they do to the fluid in a time, s.
     pub(super) fn give_impulses(&mut self, world: &World, time: f64) {
-        if let Some(rates) = self.fluxes_mut() {
-            rates.give_impulses(world, time);
+        match &mut self.form {
+            EulerianRates::Differences(_) => (),
+            EulerianRates::Fluxes(rates) => rates.give_impulses(world, time),
+            EulerianRates::Projection(rates) => rates.give_impulses(world, time),
         }
     }
 
@@ -249,14 +277,18 @@ impl EulerianPoints {
                 displacement: rates.motion.as_ref().map(|motion| motion.state().clone()),
                 walls: rates.walls.motions(),
             },
-            EulerianRates::Projection(rates) => SavedEulerian::Projection(rates.state().clone()),
+            EulerianRates::Projection(rates) => SavedEulerian::Projection {
+                state: rates.state().clone(),
+                walls: rates.walls.motions(),
+            },
         }
     }
 
     pub(super) fn load(&mut self, saved: SavedEulerian) -> Result<(), erased_serde::Error> {
         match (&mut self.form, saved) {
             (EulerianRates::Differences(_), SavedEulerian::Differences) => Ok(()),
-            (EulerianRates::Projection(rates), SavedEulerian::Projection(state)) => {
+            (EulerianRates::Projection(rates), SavedEulerian::Projection { state, walls }) => {
+                rates.walls.set_motions(walls);
                 rates.load(state)
             }
             (

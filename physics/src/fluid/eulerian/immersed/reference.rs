@@ -254,6 +254,20 @@ impl Immersed {
 }
 
 impl WallBody {
+    /// Depth (m) of a point of an immersed wall below its surface, and the unit vector from there into the wall: those of the
+    /// shape of the body where its cells make steps of it.
+    pub(crate) fn surface_behind(&self, solid: &Body, point: usize) -> (f64, Vector3<f64>) {
+        let Some(immersed) = &self.immersed else {
+            return (0.0, Vector3::zeros());
+        };
+        let at = solid.points.position[point];
+        let outward = immersed.normal[point];
+        match solid.surface_near(at, outward) {
+            Some(part) => ((part.foot - at).dot(&part.normal), -part.normal),
+            None => (immersed.mean_depth[point], -outward),
+        }
+    }
+
     /// Takes the displacement of the points of an immersed wall, from where they are now (m).
     pub(crate) fn displace(&mut self, world: &World, now: &[Vector3<f64>]) {
         let Some(immersed) = &mut self.immersed else {

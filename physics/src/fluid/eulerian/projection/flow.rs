@@ -1,15 +1,16 @@
 //! Sums of a step: viscosity, what the fluxes carry, the prediction, and the acceleration along the bonds.
 
 use nalgebra::Vector3;
-use perimelt_core::family::{ByRules, Mirrored};
-use perimelt_core::{BondKernel, SlotField};
+use perimelt_core::family::{ByRules, ForeignBond, Mirrored};
+use perimelt_core::{BondKernel, SlotField, World};
 use rayon::prelude::*;
 
-use super::Projection;
 use super::kernels::{Carry, JumpSums, JumpingViscosity, Layer, Push, Volume};
-use super::phase::Phase;
+use super::phase::{InterfaceBonds, Phase};
+use super::{Projection, SUMS_2D, SUMS_3D, VISCOUS_2D, VISCOUS_3D};
 use crate::fluid::eulerian::fluxes::FlowNow;
 use crate::fluid::eulerian::fluxes::kernels::Viscosity;
+use crate::fluid::eulerian::immersed::ImmersedFlow;
 use crate::fluid::rates::{POINTS_PER_TASK, Terms};
 
 impl Projection {
@@ -47,14 +48,69 @@ impl Projection {
         self.slots
             .density
             .load(&self.family, density, Mirrored::Scalar);
-        let inverse = self.inverse();
+        let bonds = InterfaceBonds {
+            family: &self.family,
+            walls: &self.walls,
+            spacing: self.spacing,
+            inverse: self.inverse(),
+        };
         if let Some(phase) = &mut self.phase {
             match self.dimension {
-                2 => phase.find::<2>(&self.family, self.spacing, inverse, &mut self.slots),
-                _ => phase.find::<3>(&self.family, self.spacing, inverse, &mut self.slots),
+                2 => phase.find::<2>(bonds, &mut self.slots),
+                _ => phase.find::<3>(bonds, &mut self.slots),
             }
         }
         self.apply_tension();
+    }
+
+    /// Finds the velocity behind the surfaces of bodies that are walls.
+    pub(super) fn find_slopes(&mut self, flow: &FlowNow<'_>) {
+        let viscosity = match &self.phase {
+            None => &flow.terms.medium.viscosity.value,
+            Some(_) => &self.mixed_viscosity,
+        };
+        self.walls.find_slopes(&ImmersedFlow {
+            slot: &self.slot,
+            velocity: flow.velocity,
+            density: flow.density,
+            viscosity,
+            slope: |_| Vector3::zeros(),
+            stretch: |_| [0.0; 6],
+            moment: self.complete.moment,
+            diffusion: 0.0,
+        });
+    }
+
+    /// Gives the walls the opposite of what they do to the fluid in a time, s.
+    pub(in crate::fluid::eulerian) fn give_impulses(&mut self, world: &World, time: f64) {
+        match self.dimension {
+            _ if self.walls.is_empty() => (),
+            2 => self.give::<2, VISCOUS_2D, SUMS_2D>(world, time),
+            _ => self.give::<3, VISCOUS_3D, SUMS_3D>(world, time),
+        }
+    }
+
+    /// Behind a wall the pressure is that of the point, and what balances the forces there: `p_i + rho_i g_i . xi`.
+    fn give<const D: usize, const I: usize, const O: usize>(&mut self, world: &World, time: f64) {
+        let inverse = self.inverse();
+        let viscosity = Viscosity::<D, false> {
+            laplacian: 2.0 * inverse,
+        };
+        let (slots, slot, forces) = (&self.slots, &self.slot, &self.state.acceleration);
+        self.walls.give(world, time, |wall, n| {
+            let ForeignBond { bond, point, .. } = wall.bonds.bond(n);
+            let (xi, here) = (Vector3::from(bond.xi), slot[point] as usize);
+            let rise = slots.density[here] * forces[point].dot(&xi);
+            let pressure = -bond.weight * inverse * (2.0 * slots.pressure[here] + rise);
+            let viscous = wall.held_part::<D, I, O>(n, &viscosity);
+            Vector3::from_fn(|a, _| {
+                if a < D {
+                    pressure * xi[a] + viscous[a]
+                } else {
+                    0.0
+                }
+            })
+        });
     }
 
     /// Finds force and work of the viscosity of one fluid.
@@ -73,6 +129,7 @@ impl Projection {
         };
         let inputs = viscous_inputs::<I>(flow, &self.viscosity);
         self.family.sum(&kernel, inputs, sums);
+        self.walls.add_viscosity::<D, I, O>(&kernel, sums);
     }
 
     /// Finds force and work of viscosity where it jumps: `2 b mu_ij (v_j - v_i)` along bonds, and `(grad v) . grad mu`.
@@ -89,6 +146,7 @@ impl Projection {
         let (sums, _) = self.jumps.as_chunks_mut::<O>();
         let inputs = viscous_inputs::<I>(flow, &self.viscosity);
         self.family.sum(&kernel, inputs, sums);
+        self.walls.add_viscosity::<D, I, O>(&kernel, sums);
         let rows = self.diffusion.par_chunks_exact_mut(D + 1).zip(sums);
         rows.with_min_len(POINTS_PER_TASK).for_each(|(row, sums)| {
             row.copy_from_slice(&sums[..=D]);
@@ -136,9 +194,10 @@ impl Projection {
         let Some(phase) = &mut self.phase else {
             return;
         };
-        let (d, pair) = (self.dimension, phase.pair);
+        let d = self.dimension;
+        let Phase { pair, fraction, .. } = phase;
         let rows = self.carried.par_chunks_exact(d + 1);
-        let points = phase.fraction.par_iter_mut().zip(density).zip(rows);
+        let points = fraction.par_iter_mut().zip(density).zip(rows);
         let points = points.with_min_len(POINTS_PER_TASK);
         points.for_each(|((c, rho), row)| {
             *c -= dt * row[d];

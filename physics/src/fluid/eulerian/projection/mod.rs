@@ -24,6 +24,7 @@ mod slots;
 #[cfg(test)]
 mod tests;
 pub(in crate::fluid) mod thermocapillary;
+pub(super) mod wetted_body;
 mod wetting;
 
 use std::sync::Arc;
@@ -45,6 +46,7 @@ use phase::{InterfaceReport, Measured, Phase};
 use pressure::{PressureBonds, PressureSolver};
 use slots::FlowSlots;
 use thermocapillary::Thermocapillary;
+use wetted_body::WettedBody;
 
 use super::fluxes::AT_WALLS;
 use super::fluxes::FlowNow;
@@ -53,6 +55,7 @@ use super::fluxes::short_waves::{DecayingWaves, FlowBonds};
 use crate::advection::Convection;
 use crate::fluid::medium::Medium;
 use crate::fluid::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
+use crate::fluid::walls::Walls;
 use crate::shape_tensor::CompleteFamily;
 
 /// Largest way of the fluid in a step, in spacings.
@@ -64,6 +67,8 @@ pub(in crate::fluid) struct Projection {
     dimension: usize,
     family: Arc<Family>,
     complete: CompleteFamily,
+    /// Bodies that are walls.
+    pub(in crate::fluid::eulerian) walls: Walls,
     /// Largest divergence over speed by spacing.
     tolerance: f64,
     /// m.
@@ -142,10 +147,13 @@ pub(in crate::fluid) struct ProjectionKeys {
 pub(super) struct ProjectionDomain {
     pub(super) family: Arc<Family>,
     pub(super) complete: CompleteFamily,
+    pub(super) walls: Walls,
     /// Where there are two fluids.
     pub(super) pair: Option<FluidPair>,
     /// Where the temperature is known.
     pub(super) heat: Option<HeatedFluid>,
+    /// What two fluids do at the walls.
+    pub(super) wetted: Vec<WettedBody>,
 }
 
 impl Projection {
@@ -159,8 +167,10 @@ impl Projection {
         let ProjectionDomain {
             family,
             complete,
+            walls,
             pair,
             heat,
+            wetted,
         } = domain;
         let (dimension, points) = (body.dimension, body.points.len());
         let (curves, surfaces) = heat.map(|heat| (heat.curves, heat.surfaces)).unzip();
@@ -178,10 +188,11 @@ impl Projection {
             slots: FlowSlots::new(&family, dimension),
             viscosity: SlotField::default(),
             mixed_viscosity: Vec::new(),
-            heat: curves.map(|curves| FlowHeat::new(curves, pair.map(|p| p.material), body)),
+            heat: curves
+                .map(|curves| FlowHeat::new(curves, pair.as_ref().map(|p| p.material), body)),
             thermocapillary: surfaces
                 .and_then(|laws| Thermocapillary::new(laws, body, &family, 1.0 / complete.moment)),
-            phase: pair.map(|pair| Phase::new(pair, body)),
+            phase: pair.map(|pair| Phase::new(pair, body, &walls, wetted)),
             start: vec![Vector3::zeros(); points],
             middle: vec![Vector3::zeros(); points],
             diffusion: vec![0.0; points * (dimension + 1)],
@@ -192,6 +203,7 @@ impl Projection {
             excess: vec![[0.0]; points],
             solver: PressureSolver::new(points),
             iterations: 0,
+            walls,
             family,
         }
     }
@@ -354,6 +366,7 @@ impl Rates for Projection {
             velocity,
             density,
         };
+        self.find_slopes(&flow);
         let in_series = terms.medium.viscosity.needs_shear_rate();
         match (self.dimension, &self.phase) {
             (2, Some(_)) => self.find_jumping_viscosity::<2, VISCOUS_2D, JUMPS_2D>(&flow),

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use perimelt_core::law::Law;
 use perimelt_core::material::Property;
 use perimelt_core::numbers::{check_at_least, check_positive};
-use perimelt_core::world::{BodyIndex, ContactAngle};
+use perimelt_core::world::{BodyIndex, ContactAngle, WallPlace};
 use perimelt_core::{Body, Fact, Key, Setup, SetupError, SurfaceTension, TensionLaw};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -138,7 +138,7 @@ pub(in crate::fluid) struct PreparedPair {
 }
 
 /// Two fluids.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(in crate::fluid) struct FluidPair {
     /// Indices of their materials.
     pub(in crate::fluid) material: [u16; 2],
@@ -150,8 +150,8 @@ pub(in crate::fluid) struct FluidPair {
     pub(in crate::fluid) surface_tension: f64,
     /// Length over which the fraction changes, in spacings.
     pub(in crate::fluid) width: f64,
-    /// Cosine of the angle in the first fluid at which the interface meets each face; none where a wall has no angle.
-    pub(in crate::fluid) contact_cosine: [Option<f64>; 6],
+    /// Angles at which the interface meets walls; none without a tension.
+    pub(in crate::fluid) angles: Vec<ContactAngle>,
 }
 
 /// Two fluids flow through the points of a body: the names of their materials.
@@ -222,15 +222,21 @@ impl FluidPair {
             viscosity,
             surface_tension,
             width,
-            contact_cosine: match surface_tension > 0.0 {
-                true => contact_cosines(setup, body),
-                false => [None; 6],
+            angles: match surface_tension > 0.0 {
+                true => setup.facts(body).copied().collect(),
+                false => Vec::new(),
             },
         };
         Ok(PreparedPair {
             pair,
             tension: (!law.is_constant()).then_some(law),
         })
+    }
+
+    /// Cosine of the angle in the first fluid at which the interface meets a wall; none where the wall has no angle.
+    pub(in crate::fluid) fn contact_cosine(&self, wall: WallPlace) -> Option<f64> {
+        let found = self.angles.iter().find(|angle| angle.wall == wall)?;
+        Some(found.angle.to_radians().cos())
     }
 
     /// Of a mixture, kg/m³.
@@ -263,15 +269,6 @@ impl FluidPair {
         let of = |n: usize| self.viscosity[n] / self.density[n];
         of(0).max(of(1))
     }
-}
-
-/// Cosines of the angles at which the interface meets the faces of a body.
-fn contact_cosines(setup: &Setup<'_>, body: BodyIndex) -> [Option<f64>; 6] {
-    let mut cosines = [None; 6];
-    for wall in setup.facts::<ContactAngle>(body) {
-        cosines[wall.face as usize] = Some(wall.angle.to_radians().cos());
-    }
-    cosines
 }
 
 /// Index of a material of a body.

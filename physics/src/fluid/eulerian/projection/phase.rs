@@ -14,15 +14,17 @@
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
-use perimelt_core::family::{ByRules, Mirrored};
+use perimelt_core::family::{ByRules, ForeignGhost, Mirrored};
 use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::{Body, Bond, BondKernel, Family, Report, SlotField};
 use rayon::prelude::*;
 
 use super::pair::FluidPair;
 use super::slots::FlowSlots;
+use super::wetted_body::WettedBody;
 use super::wetting::Wetting;
 use crate::fluid::rates::POINTS_PER_TASK;
+use crate::fluid::walls::Walls;
 use crate::momentum::AXES;
 
 /// Fractions are cut to this distance from 0 and 1 where their logarithm is taken.
@@ -83,10 +85,15 @@ pub(super) struct Phase {
 }
 
 impl Phase {
-    pub(super) fn new(pair: FluidPair, body: &Body) -> Self {
+    pub(super) fn new(
+        pair: FluidPair,
+        body: &Body,
+        walls: &Walls,
+        bodies: Vec<WettedBody>,
+    ) -> Self {
         let (dimension, points) = (body.dimension, body.points.len());
         Phase {
-            wetting: Wetting::new(&pair, body),
+            wetting: Wetting::new(&pair, body, walls, bodies),
             pair,
             fraction: vec![0.0; points],
             gradient: vec![0.0; points * dimension],
@@ -97,14 +104,18 @@ impl Phase {
         }
     }
 
-    /// Finds the interface; `spacing` in m, `inverse` is `1 / a`.
+    /// Finds the interface.
     pub(super) fn find<const D: usize>(
         &mut self,
-        family: &Family,
-        spacing: f64,
-        inverse: f64,
+        bonds: InterfaceBonds<'_>,
         slots: &mut FlowSlots,
     ) {
+        let InterfaceBonds {
+            family,
+            walls,
+            spacing,
+            inverse,
+        } = bonds;
         let fraction = &self.fraction;
         let eps = self.pair.width * spacing;
         let distance = |i: usize| {
@@ -114,12 +125,36 @@ impl Phase {
         (self.distance).load(family, distance, self.wetting.distance());
         let (gradient, _) = self.gradient.as_chunks_mut::<D>();
         family.sum(&Gradient { inverse }, [&self.distance], gradient);
+        for (body, wall) in self.wetting.bodies.iter_mut().zip(&walls.bodies) {
+            body.find_distance(distance);
+            let behind = |ghost: &ForeignGhost| Some([body.distance(ghost)?]);
+            let own = |point: usize| [distance(point)];
+            body.add(wall, &Gradient { inverse }, own, behind, gradient);
+        }
+        for body in &mut self.wetting.bodies {
+            body.find_gradient(|i| {
+                Vector3::from_fn(|a, _| gradient[i].get(a).copied().unwrap_or(0.0))
+            });
+        }
         slots.fraction.load(family, &fraction[..], Mirrored::Scalar);
         self.find_normals::<D>(family, slots);
         let inputs: [&[f64]; D] = std::array::from_fn(|a| &self.normal[a][..]);
         family.sum(&Divergence { inverse }, inputs, &mut self.curvature);
-        let scales = [eps, inverse];
-        (self.wetting).set_curvature(family, &self.distance, scales, &mut self.curvature);
+        let own = |i: usize| inputs.map(|along| along[family.slot_of(i)]);
+        for (body, wall) in self.wetting.bodies.iter().zip(&walls.bodies) {
+            let behind = |ghost: &ForeignGhost| {
+                let normal = body.normal(ghost)?;
+                Some(std::array::from_fn(|a| normal[a]))
+            };
+            body.add::<D, 1>(
+                wall,
+                &Divergence { inverse },
+                own,
+                behind,
+                &mut self.curvature,
+            );
+        }
+        (self.wetting).set_curvature(bonds, &self.distance, eps, &mut self.curvature);
         let gamma = self.pair.surface_tension;
         let fraction = &self.fraction;
         let curvature = &self.curvature;
@@ -199,6 +234,17 @@ impl Phase {
             velocity: mean(velocity),
         }
     }
+}
+
+/// Bonds by which the interface is found.
+#[derive(Clone, Copy)]
+pub(super) struct InterfaceBonds<'a> {
+    pub(super) family: &'a Family,
+    pub(super) walls: &'a Walls,
+    /// m.
+    pub(super) spacing: f64,
+    /// `1 / a`, 1/m.
+    pub(super) inverse: f64,
 }
 
 /// Where the interface is measured.

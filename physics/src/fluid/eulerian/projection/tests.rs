@@ -3,6 +3,7 @@ use std::f64::consts::TAU;
 use nalgebra::Vector3;
 use perimelt_core::body::Body;
 use perimelt_core::family::{ByRules, LayerRule};
+use perimelt_core::world::{ContactAngle, WallPlace};
 use perimelt_core::{Face, SlotField};
 
 use super::pair::FluidPair;
@@ -12,6 +13,7 @@ use crate::fluid::medium::Medium;
 use crate::fluid::rates::{Rates, Terms};
 use crate::fluid::state::Incompressible;
 use crate::fluid::tests::{Filled, MirroredBox, flow, periodic};
+use crate::fluid::walls::Walls;
 use crate::testing::{run, set, values};
 
 /// A fluid of 2 kg/m³ in a box of 1 m, of which the faces `mirrored` are planes of symmetry and the others periodic.
@@ -57,8 +59,10 @@ impl Tank {
         let domain = ProjectionDomain {
             family,
             complete,
+            walls: Walls::default(),
             pair,
             heat: None,
+            wetted: Vec::new(),
         };
         let rates = Projection::new(keys, Convection::Central, &body, domain);
         Tank {
@@ -211,7 +215,7 @@ pub(super) const STEEL_AND_GAS: FluidPair = FluidPair {
     viscosity: [6.0, 2.0],
     surface_tension: 5.0,
     width: 0.75,
-    contact_cosine: [None; 6],
+    angles: Vec::new(),
 };
 
 /// Densities add, viscosities act in series, also where a fraction overshoots; capillary waves have the step
@@ -325,7 +329,8 @@ fn walls_pull_at_an_interface() {
         (Some(150.0), -0.75_f64.sqrt()),
     ] {
         let mut pair = STEEL_AND_GAS;
-        pair.contact_cosine[face as usize] = angle.map(|angle| angle.to_radians().cos());
+        let wall = WallPlace::Face(face);
+        (pair.angles).extend(angle.map(|angle| ContactAngle { wall, angle }));
         let mut tank = Tank::with(2, n, sides(2), 2.015, Some(pair));
         let spacing = 1.0 / n as f64;
         let place = tank.body.points.position.clone();
@@ -357,7 +362,10 @@ fn walls_pull_at_an_interface() {
 fn a_plane_that_meets_a_wall_at_its_angle_continues() {
     let n = 24;
     let mut pair = STEEL_AND_GAS;
-    pair.contact_cosine[Face::YMin as usize] = Some(0.5);
+    pair.angles.push(ContactAngle {
+        wall: WallPlace::Face(Face::YMin),
+        angle: 60.0,
+    });
     let mut tank = Tank::with(2, n, sides(2), 2.015, Some(pair));
     let spacing = 1.0 / n as f64;
     let place = tank.body.points.position.clone();

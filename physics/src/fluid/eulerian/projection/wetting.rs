@@ -9,11 +9,15 @@
 //! wall, `-gamma cos(theta)` per area that the first fluid covers, so that Young's law is the equilibrium; the first line alone fixes
 //! a direction without a force. A wall without an angle has the first line with 90 degrees, and no energy.
 
-use perimelt_core::family::{LayerRule, Rising};
-use perimelt_core::{Body, Bond, BondKernel, Face, Family, SlotField};
+use perimelt_core::family::{ForeignGhost, LayerRule, Rising};
+use perimelt_core::world::WallPlace;
+use perimelt_core::{Body, Bond, BondKernel, Face, SlotField};
 use rayon::prelude::*;
 
 use super::pair::FluidPair;
+use super::phase::InterfaceBonds;
+use super::wetted_body::WettedBody;
+use crate::fluid::walls::Walls;
 
 /// `c (1 - c)` below which the curvature of the row at a wall fades: there the interface has no force.
 const LEAST_STEEPNESS: f64 = 0.01;
@@ -38,6 +42,8 @@ pub(super) struct Wetting {
     cosine: [f64; 6],
     /// How the gradient of the distance continues behind faces.
     pub(super) gradient: Vec<LayerRule>,
+    /// Bodies that are walls, in the order of the walls.
+    pub(super) bodies: Vec<WettedBody>,
     /// Points next to a wall with an angle.
     row: Vec<u32>,
     /// By slot: fraction of the first fluid that follows from the distance.
@@ -46,8 +52,14 @@ pub(super) struct Wetting {
 }
 
 impl Wetting {
-    pub(super) fn new(pair: &FluidPair, body: &Body) -> Self {
-        let cosine = pair.contact_cosine.map(|cosine| cosine.unwrap_or(0.0));
+    pub(super) fn new(
+        pair: &FluidPair,
+        body: &Body,
+        walls: &Walls,
+        bodies: Vec<WettedBody>,
+    ) -> Self {
+        let at_faces = Face::ALL.map(|face| pair.contact_cosine(WallPlace::Face(face)));
+        let cosine = at_faces.map(|cosine| cosine.unwrap_or(0.0));
         let closed = Face::ALL.into_iter().filter(|f| !body.periodic[f.axis()]);
         let gradient = closed.map(|face| {
             let outwards = if face.is_upper() { 1.0 } else { -1.0 };
@@ -56,17 +68,26 @@ impl Wetting {
             rule.offset[face.axis()] = 2.0 * outwards * cosine[face as usize];
             rule
         });
-        let wetted = |f: &Face| pair.contact_cosine[*f as usize].is_some();
-        let walls = || Face::ALL.into_iter().filter(wetted);
+        let wetted = |f: &Face| at_faces[*f as usize].is_some();
+        let faces = || Face::ALL.into_iter().filter(wetted);
         let is_next_to = |point: usize, face: Face| {
             let along = body.points.position[point][face.axis()];
             (along - body.face_position(face)).abs() < body.finest_spacing()
         };
+        let mut beside_body = vec![false; body.points.len()];
+        for (wetted, wall) in bodies.iter().zip(&walls.bodies) {
+            if wetted.cosine.is_some() {
+                let row = wetted.row(wall, body.finest_spacing());
+                row.for_each(|point| beside_body[point] = true);
+            }
+        }
         let points = 0..body.points.len();
-        let row = points.filter(|point| walls().any(|face| is_next_to(*point, face)));
+        let row = points
+            .filter(|&point| beside_body[point] || faces().any(|face| is_next_to(point, face)));
         Wetting {
             cosine,
             gradient: gradient.collect(),
+            bodies,
             row: row.map(|point| point as u32).collect(),
             profile: SlotField::default(),
             laplacian: Vec::new(),
@@ -81,27 +102,31 @@ impl Wetting {
         })
     }
 
-    /// Replaces the curvature (1/m) in the row of points at walls, for an interface of the thickness `eps` (m); `inverse` is
-    /// `1 / a`.
+    /// Replaces the curvature (1/m) in the row of points at walls, for an interface of the thickness `eps` (m).
     pub(super) fn set_curvature(
         &mut self,
-        family: &Family,
+        bonds: InterfaceBonds<'_>,
         distance: &SlotField,
-        [eps, inverse]: [f64; 2],
+        eps: f64,
         curvature: &mut [[f64; 1]],
     ) {
         if self.row.is_empty() {
             return;
         }
-        let profile = distance
-            .par_iter()
-            .map(|psi| 1.0 / (1.0 + (-psi / eps).exp()));
-        self.profile.set(profile);
+        let InterfaceBonds { family, walls, .. } = bonds;
+        let profile = |psi: f64| 1.0 / (1.0 + (-psi / eps).exp());
+        self.profile
+            .set(distance.par_iter().map(|psi| profile(*psi)));
         self.laplacian.resize(curvature.len(), [0.0]);
         let kernel = Laplacian {
-            laplacian: 2.0 * inverse,
+            laplacian: 2.0 * bonds.inverse,
         };
         family.sum(&kernel, [&self.profile], &mut self.laplacian);
+        let own = |point: usize| [self.profile[family.slot_of(point)]];
+        for (body, wall) in self.bodies.iter().zip(&walls.bodies) {
+            let behind = |ghost: &ForeignGhost| Some([profile(body.distance(ghost)?)]);
+            body.add(wall, &kernel, own, behind, &mut self.laplacian);
+        }
         for &point in &self.row {
             let point = point as usize;
             let c = self.profile[family.slot_of(point)];
