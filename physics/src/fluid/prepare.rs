@@ -33,16 +33,15 @@ impl FluidRun {
         let keys = fluid.take_keys()?;
         keys.check_body(setup.body(body))?;
         let prepared = prepare_pair(&fluid, setup, body)?;
-        let pair = prepared.as_ref().map(|prepared| prepared.pair);
+        let (pair, tension) = prepared.map(|both| (both.pair, both.tension)).unzip();
         let layers = setup.layers(body, &keys::VELOCITY);
         let (faces, layers) = (layers.faces(), layers.handle);
         check_surfaces(&keys, setup, body, &faces)?;
         let medium = prepare_medium(&mut fluid, setup, body)?;
         keys.check_viscosity(&medium.viscosity)?;
         let mut fields = FluidFields::declare(setup, body, &medium, layers)?;
-        let tension = prepared.and_then(|prepared| prepared.tension);
         let heat = match keys.is_incompressible() {
-            true => HeatedFluid::prepare(setup, body, tension)?,
+            true => HeatedFluid::prepare(setup, body, tension.flatten())?,
             false => None,
         };
         if heat.is_some() {
