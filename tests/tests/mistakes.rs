@@ -641,3 +641,73 @@ fn numbers_beyond_the_ranges_of_the_schema_are_refused() {
     assert!(accepted.is_empty(), "accepted:\n{}", accepted.join("\n"));
     assert!(tried.len() > 60, "only {}: {tried:?}", tried.len());
 }
+
+const DROP: &str = "
+[case]
+title = 'drop'
+
+[bodies.tank]
+shape.box = { min = [0, 0, 0], max = [1, 1, 0.1] }
+dimension = 2
+spacing = 0.1
+material = 'water'
+materials = { around = 'air' }
+regions.around.box = { min = [0, 0, 0], max = [0.5, 1, 0.1] }
+initial.fluid_fraction = '1 / (1 + exp((x - 0.5) / 0.075))'
+
+[materials.water]
+density = 1
+viscosity = 0.01
+
+[materials.air]
+density = 0.001
+viscosity = 1e-5
+
+[[physics]]
+type = 'fluid'
+description = 'eulerian'
+form = 'conservative'
+state.incompressible = {}
+fluids = ['water', 'air']
+interface = { surface_tension = 1 }
+
+[[couplers]]
+type = 'wall'
+faces = ['x-', 'x+', 'y-', 'y+']
+contact_angle = 60
+
+[time]
+end = 1
+
+[log]
+interval = 1
+";
+
+/// What is said about two fluids that cannot be; a step above that of capillary waves is told with both numbers.
+#[test]
+fn mistakes_of_two_fluids() {
+    let told = |right: &str, wrong: &str| {
+        assert_eq!(DROP.matches(right).count(), 1, "`{right}` is there once");
+        let failure = check(DROP.replace(right, wrong)).expect_err(wrong);
+        match failure {
+            Failure::Case(mistake) => mistake.render(false),
+            other => other.to_string(),
+        }
+    };
+    check(DROP.to_string()).expect("the unchanged case is valid");
+    let all = [
+        (
+            "state.incompressible = {}\n",
+            "state.incompressible = {}\nstep = 0.1\n",
+        ),
+        ("'1 / (1 + exp((x - 0.5) / 0.075))'", "'2 * x'"),
+        ("interface = { surface_tension = 1 }\n", ""),
+        (
+            "interface = { surface_tension = 1 }",
+            "interface = { surface_tension = 0 }",
+        ),
+        ("contact_angle = 60", "contact_angle = -1"),
+    ]
+    .map(|(right, wrong)| told(right, wrong));
+    insta::assert_snapshot!(all.join("\n\n"));
+}
