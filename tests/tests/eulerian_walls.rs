@@ -212,6 +212,90 @@ fn a_gap_between_the_lattice_and_a_wall_is_refused() {
     );
 }
 
+/// Air above water with a disc on the lattice in the water: nothing moves, and the disc bears the weight of the water that it displaces.
+#[test]
+fn fluids_that_keep_their_volume_rest_around_a_body() {
+    let disc = "{ sphere = { centre = [0.45, 0.4, 0.025], radius = 0.2 } }";
+    let mut simulation = compose(&format!(
+        "[bodies.tank]
+        shape.difference = {{ from = {{ box = {{ min = [0, 0, 0], max = [1, 1, 0.05] }} }}, subtract = {disc} }}
+        dimension = 2
+        thickness = 1
+        spacing = 0.05
+        material = 'water'
+        materials = {{ top = 'air' }}
+        regions.top.box = {{ min = [0, 0.8, 0], max = [1, 1, 0.05] }}
+        initial.fluid_fraction = '1 / (1 + exp((y - 0.8) / 0.0375))'
+        [bodies.disc]
+        shape.union = [{disc}]
+        dimension = 2
+        thickness = 1
+        spacing = 0.05
+        material = 'water'
+        [materials.water]
+        density = 1000
+        viscosity = 10
+        [materials.air]
+        density = 1
+        viscosity = 0.01
+        [[physics]]
+        type = 'fluid'
+        body = 'tank'
+        description = 'eulerian'
+        form = 'conservative'
+        state.incompressible = {{ tolerance = 1e-6 }}
+        fluids = ['water', 'air']
+        interface = {{ surface_tension = 0 }}
+        [[physics]]
+        type = 'rigid_body'
+        body = 'disc'
+        hold = ['x', 'y', 'rotation']
+        [[couplers]]
+        type = 'fluid_structure'
+        fluid = 'tank'
+        solid = 'disc'
+        [[couplers]]
+        type = 'wall'
+        body = 'tank'
+        faces = ['x-', 'x+', 'y-', 'y+']
+        [[couplers]]
+        type = 'gravity'
+        body = 'tank'
+        acceleration = [0, -10, 0]
+        [time]
+        end = 0.1
+        [log]
+        interval = 0.1"
+    ));
+    while !simulation.is_finished() {
+        simulation.step().expect("a step");
+    }
+    let world = simulation.world();
+    let field = |name: &str| {
+        let fields = world.fields();
+        fields
+            .field(fields.find(0, name).expect("it is owned"))
+            .data()
+    };
+    let fastest = field("velocity")
+        .flat()
+        .iter()
+        .fold(0.0, |a: f64, v| a.max(v.abs()));
+    // over sqrt(g L)
+    assert!(fastest < 1e-5 * 10_f64.sqrt(), "{fastest} m/s");
+    let reports = simulation.reports();
+    let mut reports = reports.iter().flat_map(|(_, reports)| reports);
+    let lift = reports
+        .find(|r| r.name == "force.disc.y")
+        .expect("of the fluid");
+    let displaced: f64 = world.body(1).points.volume.iter().sum();
+    // the layer between the fluids reaches a little into the water beside the disc
+    assert!(
+        (lift.value / (1e4 * displaced) - 1.0).abs() < 1e-3,
+        "{lift:?}"
+    );
+}
+
 /// A disc of finer points at a temperature (K) in a stream of 300 K.
 fn stream_past_disc(temperature: f64) -> String {
     let disc = "{ sphere = { centre = [0.3, 0.3, 0.0125], radius = 0.1 } }";
