@@ -1,5 +1,6 @@
 //! Moduli and stress-free strain of the points of a body, and the elastic law that they give each point.
 
+use nalgebra::Matrix3;
 use perimelt_core::Body;
 use rayon::prelude::*;
 
@@ -230,6 +231,15 @@ impl StrainedPoints<'_> {
         let gradient = self.gradient.elastic(point, self.elastic.finite);
         let stress = law.material_stress(&gradient, self.elastic.finite);
         law.components(&stress, self.elastic.is_plane_strain())
+    }
+
+    /// Stress that an inelastic strain (xx, yy, zz, xy, yz, zx) takes from a point, Pa.
+    pub(super) fn relief(&self, law: &Point, inelastic: [f64; 6]) -> [f64; 6] {
+        let law = law.of_change();
+        let law = law.with_inelastic(self.elastic.stress_state(), inelastic);
+        let stress = law.stress(&Matrix3::zeros());
+        law.components(&stress, self.elastic.is_plane_strain())
+            .map(|stress| -stress)
     }
 
     /// Elastic stress of a strain (xx, yy, zz, xy, yz, zx) alone, Pa.

@@ -188,9 +188,23 @@ impl Plasticity {
         }
     }
 
-    /// The points that flow in the linearised state.
-    pub(super) fn flowing(&self) -> impl Iterator<Item = usize> {
-        self.tangents.iter().map(|(point, _)| *point)
+    /// The points that flow in the linearised state, in order, with the derivative of the stress that they give way by (Pa) by the
+    /// strain, xx, yy, zz, xy, yz, zx.
+    pub(super) fn reliefs<'a>(
+        &'a self,
+        points: StrainedPoints<'a>,
+    ) -> impl IndexedParallelIterator<Item = (usize, Matrix6<f64>)> {
+        self.tangents.par_iter().map(move |(point, tangent)| {
+            let law = points.law(*point);
+            let relief = |column: usize| {
+                let flow: Vector6<f64> = tangent.column(column).into();
+                Vector6::from(points.relief(&law, flow.into()))
+            };
+            (
+                *point,
+                Matrix6::from_columns(&[0, 1, 2, 3, 4, 5].map(relief)),
+            )
+        })
     }
 
     /// Stress of each point in the trial state, Pa, without the rotation of the point.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::super::classical::Point;
 use super::super::moduli::Moduli;
 use super::super::points::At;
-use super::super::solid::{EnergyKind, StrainKind};
+use super::super::solid::{EnergyKind, Stiffness, StrainKind};
 use super::kernels::{CellState, Elastic, gather, sums};
 use super::{About, CHUNK, Staggered};
 
@@ -76,52 +76,50 @@ impl<const D: usize> Staggered<D> {
         self.states = states;
     }
 
-    /// Loads the states of the cells by the elastic stiffness.
-    pub(super) fn load_elastic_states(&mut self) {
+    /// Loads the states of the cells of a linear body by the elastic stiffness, or by that of the linearised state.
+    pub(super) fn load_linear_states(&mut self, kind: Stiffness) {
         let (cell, corners) = (self.cell, &self.corners.of_point);
         let (displacement, spring) = (&self.displacement[..], &self.spring);
         let (elastic, gradient) = (&self.base.elastic, &self.gradient);
-        let points = self.states.par_iter_mut().enumerate().with_min_len(CHUNK);
-        points.for_each(|(i, state)| {
-            if gradient.is_loose(i) {
-                *state = CellState::ZERO;
-                return;
-            }
-            let Moduli { lame, shear, .. } = elastic.moduli(i);
-            let sums = sums::<D>(displacement, &corners[i]);
-            *state = cell.elastic_state(sums, Elastic { lame, shear }, spring[i]);
-        });
-    }
-
-    /// Takes what flowing points give way from the states of their cells.
-    pub(super) fn subtract_flow(&mut self) {
-        let Some(plasticity) = &mut self.base.plasticity else {
-            return;
+        let reliefs = match kind {
+            Stiffness::Tangent => &self.reliefs[..],
+            Stiffness::Elastic => &[],
         };
-        let (cell, corners) = (self.cell, &self.corners.of_point);
-        let displacement = &self.displacement[..];
-        plasticity.follow(|i| cell.gradient(&sums::<D>(displacement, &corners[i]).0));
-        let state = plasticity.stress_state;
-        for i in plasticity.flowing() {
-            let law = self
-                .base
-                .elastic
-                .strained(&self.gradient)
-                .law(i)
-                .of_change();
-            let law = law.with_inelastic(state, plasticity.change[i]);
-            let stress = law.stress(&Matrix3::zeros());
-            let relief = cell.slope::<D>(&Matrix3::zeros(), &stress, 0.0);
-            for (row, relief) in self.states[i].slope.iter_mut().zip(relief) {
-                (0..D).for_each(|b| row[b] += relief[b]);
+        let chunks = self.states.par_chunks_mut(CHUNK).enumerate();
+        chunks.for_each(|(chunk, states)| {
+            let first = chunk * CHUNK;
+            for (i, state) in (first..).zip(&mut *states) {
+                if gradient.is_loose(i) {
+                    *state = CellState::ZERO;
+                    continue;
+                }
+                let Moduli { lame, shear, .. } = elastic.moduli(i);
+                let sums = sums::<D>(displacement, &corners[i]);
+                *state = cell.elastic_state(sums, Elastic { lame, shear }, spring[i]);
             }
-        }
+            let [start, end] = [first, first + states.len()]
+                .map(|bound| reliefs.partition_point(|(point, _)| *point < bound));
+            for (point, relief) in &reliefs[start..end] {
+                let (slope, _) = sums::<D>(displacement, &corners[*point]);
+                let relief = cell.relief(&slope, relief);
+                let rows = states[point - first].slope.iter_mut().zip(relief);
+                rows.for_each(|(row, relief)| (0..D).for_each(|b| row[b] -= relief[b]));
+            }
+        });
     }
 
     /// Linearises the points about the gradient and the trial state.
     pub(super) fn linearise_points(&mut self, damping: f64) {
         self.load_gradient();
         self.base.linearise(Some(&self.gradient), damping);
+        if let Some(plasticity) = &self.base.plasticity
+            && self.has_linear_points()
+        {
+            let points = self.base.elastic.strained(&self.gradient);
+            plasticity
+                .reliefs(points)
+                .collect_into_vec(&mut self.reliefs);
+        }
         if !self.base.is_finite() || self.base.law_points.is_some() {
             return;
         }

@@ -3,9 +3,10 @@
 //! Cells write their state, corners gather it from the cells around in a fixed order: each result is written once, whatever
 //! the number of threads.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Matrix6, Vector6};
 use perimelt_core::body::NO_POINT;
 
+use super::super::classical::{COMPONENTS, Point, symmetric};
 use super::corners::{CORNERS, sign};
 
 /// Products of the sides of a corner along these axes (bits) are displacements without a mean and without a gradient.
@@ -131,6 +132,18 @@ impl Cell {
             state.mean[a] = spring / f64::from(1 << D) * sum[a];
         }
         state
+    }
+
+    /// Slope by the `relief` of a point that flows: the derivative of a stress by the strain (xx, yy, zz, xy, yz, zx), Pa.
+    #[inline(always)]
+    pub(super) fn relief<const D: usize>(
+        &self,
+        slope: &[[f64; D]; D],
+        relief: &Matrix6<f64>,
+    ) -> [[f64; D]; D] {
+        let strain = Point::strain(&self.gradient(slope), false);
+        let stress = relief * Vector6::from(COMPONENTS.map(|at| strain[at]));
+        self.slope(&Matrix3::zeros(), &symmetric(&stress.into()), 0.0)
     }
 
     /// Force on a corner by the displacement of another one relative to it, by rows, N/m⁵.

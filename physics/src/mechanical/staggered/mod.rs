@@ -36,7 +36,7 @@ mod topology_tests;
 
 use std::sync::Arc;
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Matrix6};
 use perimelt_core::body::Lattice;
 use perimelt_core::{Body, Face, Family, SetupError};
 
@@ -134,6 +134,8 @@ pub struct Staggered<const D: usize> {
     free: Vec<Amplitudes>,
     /// The state about which forces were linearised, in finite kinematics.
     about: Vec<About>,
+    /// `Plasticity::reliefs` of the linearised state, in linear kinematics.
+    reliefs: Vec<(usize, Matrix6<f64>)>,
     /// `sum g (z* + z0)` of each corner, N/m³; empty if it is zero.
     mode_load: Vec<[f64; 3]>,
     states: Vec<CellState<D>>,
@@ -182,6 +184,7 @@ impl<const D: usize> Staggered<D> {
             neighbours: neighbours.collect(),
             free: Vec::new(),
             about: Vec::new(),
+            reliefs: Vec::new(),
             mode_load: Vec::new(),
             states: vec![CellState::ZERO; points],
             blocks: vec![[0.0; 6]; nodes],

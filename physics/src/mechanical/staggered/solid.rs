@@ -94,10 +94,7 @@ impl<const D: usize> Solid for Staggered<D> {
             self.gather(1.0, self.base.is_finite(), out);
             return;
         }
-        self.load_elastic_states();
-        if kind == Stiffness::Tangent {
-            self.subtract_flow();
-        }
+        self.load_linear_states(kind);
         self.gather(1.0, false, out);
     }
 
@@ -129,6 +126,10 @@ impl<const D: usize> Solid for Staggered<D> {
     }
 
     fn couplings(&self, corner: usize, receive: &mut dyn FnMut(Spring)) {
+        /// Places of the corners of the cells around a corner, relative to it.
+        const PLACES: usize = 27;
+        // cells that share two corners have one spring between them, unless a crack gives each a corner of its own
+        let mut springs: [Option<Spring>; PLACES] = [None; PLACES];
         for (q, point) in self.corners.around(corner, &[]) {
             if self.gradient.is_loose(point) {
                 continue;
@@ -136,15 +137,26 @@ impl<const D: usize> Solid for Staggered<D> {
             let Moduli { lame, shear, .. } = self.base.elastic.moduli(point);
             let elastic = Elastic { lame, shear };
             for (r, &other) in self.corners.of(point).iter().enumerate() {
-                if r != q {
-                    receive(Spring {
-                        stiffness: self.cell.coupling::<D>([q, r], elastic, self.spring[point]),
-                        to: other as usize,
-                        scale: [1.0; 3],
-                    });
+                if r == q {
+                    continue;
+                }
+                let spring = Spring {
+                    stiffness: self.cell.coupling::<D>([q, r], elastic, self.spring[point]),
+                    to: other as usize,
+                    scale: [1.0; 3],
+                };
+                let along = |axis: usize| 1 + (r >> axis & 1) - (q >> axis & 1);
+                let place = (0..D).fold(0, |place, axis| 3 * place + along(axis));
+                match &mut springs[place] {
+                    Some(sum) if sum.to == spring.to => sum.stiffen(&spring.stiffness),
+                    other => {
+                        let other = other.replace(spring);
+                        other.into_iter().for_each(&mut *receive);
+                    }
                 }
             }
         }
+        springs.into_iter().flatten().for_each(receive);
     }
 
     /// The largest frequency of a single cell, which that of no body of such cells exceeds, whatever is held or missing

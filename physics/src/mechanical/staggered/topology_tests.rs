@@ -215,3 +215,25 @@ fn unsupported_keys_and_bodies_are_refused() {
         assert_eq!(error.key, key, "{error:?}");
     }
 }
+
+#[test]
+fn a_corner_has_one_spring_to_each_other_corner_of_the_cells_around_it() {
+    for dimension in [1, 2, 3] {
+        let body = staircase(dimension);
+        let solid = solid(&body, "");
+        let corners = corners(&*solid);
+        for corner in 0..corners.position.len() {
+            let mut ends = Vec::new();
+            solid.couplings(corner, &mut |spring| ends.push(spring.to));
+            let around = corners.around(corner, &[]);
+            let mut expected: Vec<usize> = around
+                .flat_map(|(_, point)| corners.of(point).iter().map(|other| *other as usize))
+                .filter(|other| *other != corner)
+                .collect();
+            expected.sort_unstable();
+            expected.dedup();
+            ends.sort_unstable();
+            assert_eq!(ends, expected, "{dimension}D");
+        }
+    }
+}

@@ -38,6 +38,13 @@ pub struct Spring {
 }
 
 impl Spring {
+    /// Adds the stiffness of a spring between the same points.
+    pub fn stiffen(&mut self, stiffness: &[[f64; 3]; 3]) {
+        for (sum, row) in self.stiffness.iter_mut().zip(stiffness) {
+            (0..3).for_each(|axis| sum[axis] += row[axis]);
+        }
+    }
+
     /// Stiffness of a spring along a unit vector, force over extension; a fraction of it also resists motion `across`.
     pub fn axial(stiffness: f64, along: [f64; 3], across: f64) -> [[f64; 3]; 3] {
         std::array::from_fn(|a| {
