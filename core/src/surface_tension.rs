@@ -19,8 +19,6 @@ use serde::{Deserialize, Serialize};
 use crate::error::SetupError;
 use crate::material::Property;
 use crate::numbers::{check_finite, check_within};
-use crate::setup::Setup;
-use crate::world::BodyIndex;
 
 /// How the surface tension depends on temperature.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -59,42 +57,18 @@ pub struct TensionLaw {
 }
 
 impl SurfaceTension {
-    /// The tension of a material of a body; mistakes are blamed on `key`. Warns of sulphur in a metal that is no steel, by its
-    /// melting temperature.
-    ///
-    /// # Errors
-    /// Numbers outside of their ranges, or a material without the property that [`SurfaceTension::Material`] needs.
-    pub fn prepare(
-        self,
-        key: &str,
-        setup: &mut Setup<'_>,
-        body: BodyIndex,
-        material: u16,
-    ) -> Result<TensionLaw, SetupError> {
-        self.check(key)?;
-        let this = &setup.body(body).materials[usize::from(material)];
-        let liquidus = this.get("liquidus").and_then(Property::constant);
-        if let (SurfaceTension::Sulphur(_), Some(liquidus)) = (self, liquidus)
-            && !STEEL.contains(&liquidus)
-        {
-            let name = this.name().to_owned();
-            setup.warn(format!(
-                "the surface tension with sulphur is that of steel, and `{name}` melts at {liquidus} K"
-            ));
-        }
-        let property = match self {
-            SurfaceTension::Material => {
-                setup
-                    .world()
-                    .property_of(body, material, "surface_tension")?
-            }
-            _ => Property::Constant(0.0),
-        };
-        Ok(TensionLaw {
+    /// The law of a material with this property `surface_tension`, which counts for [`SurfaceTension::Material`] only.
+    pub fn with_property(self, property: Property) -> TensionLaw {
+        TensionLaw {
             law: self,
             property,
             reference_temperature: 0.0,
-        })
+        }
+    }
+
+    /// Whether it holds for a metal that melts at this temperature, K: the formula with sulphur is that of steel.
+    pub fn holds_for(self, liquidus: f64) -> bool {
+        !matches!(self, SurfaceTension::Sulphur(_)) || STEEL.contains(&liquidus)
     }
 
     /// Refuses numbers outside of their ranges; blamed on `key`.

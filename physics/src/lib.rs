@@ -25,6 +25,7 @@ mod momentum;
 pub mod replay;
 pub mod rigid_body;
 mod shape_tensor;
+mod tension;
 #[cfg(test)]
 mod testing;
 pub mod thermal;

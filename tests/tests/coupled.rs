@@ -554,6 +554,7 @@ fn spot_pool(flow: &str) -> [f64; 2] {
     let mut simulation = case
         .compose()
         .unwrap_or_else(|e| panic!("{}", e.render(false)));
+    simulation.start().expect("starts");
     finish(&mut simulation);
     let liquid = values(&simulation, "liquid_fraction");
     let points = simulation

@@ -215,10 +215,6 @@ mod tests {
             ("faces = []", "faces"),
             ("faces = ['y+']\ncontact_angle = 181", "contact_angle"),
             ("faces = ['y+']\ntension.slope = -1e-3", "tension"),
-            (
-                "faces = ['y+']\nkind = 'slip'\ntension.slope = -1e-3",
-                "tension",
-            ),
         ] {
             let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
             let message = refusal(&mut world, read::<Wall>(keys));

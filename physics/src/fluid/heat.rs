@@ -8,6 +8,7 @@ use super::eulerian::projection::heat::HeatedFluid;
 use super::eulerian::projection::thermocapillary::SurfaceLaws;
 use super::run::FluidRun;
 use crate::dependent_keys::need;
+use crate::tension::prepare_tension;
 use crate::thermal::ConductsHeat;
 
 /// State of the heat, and the amounts that are given.
@@ -53,7 +54,10 @@ impl HeatedFluid {
         };
         let material = setup.body(body).material_of_point[0];
         let law = |FaceTension { face, tension }: FaceTension| {
-            Ok((face, tension.prepare("surface", setup, body, material)?))
+            Ok((
+                face,
+                prepare_tension(tension, "surface", setup, body, material)?,
+            ))
         };
         let faces: Result<_, SetupError> = faces.into_iter().map(law).collect();
         let surfaces = SurfaceLaws {

@@ -9,6 +9,7 @@ use super::eulerian::projection::Projection;
 use super::points::Points;
 use super::rates::Stability;
 use super::run::FluidRun;
+use super::step::Cause;
 use super::walls::Walls;
 
 /// Largest displacement of a wall along its normal for a fluid that keeps its volume, in spacings.
@@ -54,7 +55,33 @@ struct FractionOutside {
     place: [f64; 3],
 }
 
+/// The density of two fluids is no longer above zero.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "`fluid_fraction` is {fraction} at {place:?} m, where the density is {density} kg/m3: the layer between the fluids is not \
+     resolved; choose a finer spacing, or a start whose layer is `interface.width` spacings thick"
+)]
+struct LostFluid {
+    fraction: f64,
+    /// kg/m³.
+    density: f64,
+    /// m.
+    place: [f64; 3],
+}
+
 impl FluidRun {
+    /// Why the pressure of two fluids cannot be found: where the density is not above zero.
+    pub(super) fn find_lost_fluid(&self, world: &World) -> Option<Cause> {
+        let fraction = world.read::<f64>(self.fields.fraction?.into());
+        let density = world.read::<f64>(self.fields.density.into());
+        let point = density.iter().position(|rho| !(*rho > 0.0))?;
+        Some(Box::new(LostFluid {
+            fraction: fraction[point],
+            density: density[point],
+            place: world.body(self.body).points.position[point].into(),
+        }))
+    }
+
     /// A point whose velocity or density (`field`), of which the `largest` value is given, is no longer that of a flow.
     pub(super) fn point_beyond_limits(
         &self,

@@ -155,7 +155,7 @@ impl RunningPhysics for FluidRun {
         if self.steps.is_multiple_of(STEPS_BETWEEN_LIMITS) {
             self.update_stability();
         }
-        done.map_err(|e| failed(e, step.end()))?;
+        done.map_err(|e| failed(self.find_lost_fluid(world).unwrap_or(e), step.end()))?;
         self.check_walls(world, step.end())?;
         Ok(self.work())
     }

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::dependent_keys::need;
 use crate::fluid::viscosity::ViscositySweep;
+use crate::tension::prepare_tension;
 
 /// Fraction of the first of two fluids.
 pub(crate) const FLUID_FRACTION: Key<f64> = Key::new(
@@ -115,7 +116,7 @@ impl Interface {
             (None, None) if property.is_none() => Err(unknown()),
             (None, law) => {
                 let law = law.unwrap_or(of_property);
-                law.prepare("interface.tension", setup, body, material[0])
+                prepare_tension(law, "interface.tension", setup, body, material[0])
             }
         }
     }
