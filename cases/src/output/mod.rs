@@ -9,11 +9,11 @@
 //! `.<name>.lock`, is locked until the run has ended. Every command that would replace the log finds it locked. [`NamedLog`]
 //! checks whether the name still leads to the log that the run writes.
 
-use std::fs::{File, TryLockError};
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use perimelt_core::log::{Destination, LogError, check_unused, leads_to};
+use perimelt_core::log::{Destination, LogError, check_unused, leads_to, try_lock};
 use tempfile::NamedTempFile;
 
 use crate::interrupt::Unfinished;
@@ -361,10 +361,8 @@ impl LockFile {
                 }
                 created => created?,
             };
-            match file.try_lock() {
-                Err(TryLockError::WouldBlock) => return Ok(None),
-                // some file systems have no locks
-                Ok(()) | Err(TryLockError::Error(_)) => {}
+            if !try_lock(&file) {
+                return Ok(None);
             }
             // the process that held the lock may have removed the file meanwhile
             if leads_to(&path, &file) {

@@ -59,7 +59,7 @@ pub use follow::{Follow, RawMessage};
 pub use reader::Log;
 pub use scan::{Damage, Ending};
 pub use series::{Column, Entry, Series};
-pub use writer::{Destination, RunHeader, Writer, check_unused, leads_to};
+pub use writer::{Destination, RunHeader, Writer, check_unused, leads_to, try_lock};
 
 /// One body at one time, as read back from a log.
 #[derive(Clone, Debug, PartialEq)]

@@ -16,7 +16,7 @@ use mcap::{Compression, McapError, WriteOptions, records::MessageHeader};
 use serde_json::{Value, json};
 
 use destination::lock;
-pub use destination::{Destination, check_unused, leads_to};
+pub use destination::{Destination, check_unused, leads_to, try_lock};
 
 use super::{
     CloudView, Entry, LogError, Precision, Progress, RunInfo, point_cloud,

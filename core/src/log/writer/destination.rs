@@ -3,16 +3,32 @@
 use std::{
     fs::{File, TryLockError},
     path::{Path, PathBuf},
+    thread::sleep,
+    time::Duration,
 };
 
 use crate::log::LogError;
 
+/// Locks a file as long as it is open; false where another process has locked it. A process that starts another one shares its
+/// locks with it for a moment: a few attempts are made.
+pub fn try_lock(file: &File) -> bool {
+    const ATTEMPTS: usize = 10;
+    const WAIT: Duration = Duration::from_millis(10);
+    for _ in 0..ATTEMPTS {
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => sleep(WAIT),
+            // some file systems have no locks
+            Ok(()) | Err(TryLockError::Error(_)) => return true,
+        }
+    }
+    false
+}
+
 /// Locks a log for the run that writes it, as long as the file is open. Readers need no lock.
 pub(super) fn lock(file: &File, path: &Path) -> Result<(), LogError> {
-    match file.try_lock() {
-        Err(TryLockError::WouldBlock) => Err(LogError::InUse { path: path.into() }),
-        // some file systems have no locks
-        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+    match try_lock(file) {
+        true => Ok(()),
+        false => Err(LogError::InUse { path: path.into() }),
     }
 }
 
