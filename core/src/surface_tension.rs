@@ -94,11 +94,7 @@ fn adsorbed(sulphur: f64, temperature: f64) -> f64 {
 impl TensionLaw {
     /// The same tension (N/m) at all temperatures.
     pub fn constant(tension: f64) -> Self {
-        TensionLaw {
-            law: SurfaceTension::Material,
-            property: Property::Constant(tension),
-            reference_temperature: 0.0,
-        }
+        SurfaceTension::Material.with_property(Property::Constant(tension))
     }
 
     /// A tension (N/m) at a temperature (K) with a constant slope, N/(m K).
@@ -110,7 +106,7 @@ impl TensionLaw {
         }
     }
 
-    /// Whether it depends on the temperature.
+    /// Whether it is the same at all temperatures.
     pub fn is_constant(&self) -> bool {
         self.law == SurfaceTension::Material && self.property.is_constant()
     }
@@ -179,18 +175,11 @@ mod tests {
     use super::*;
     use crate::material::Table;
 
-    fn law(law: SurfaceTension, property: Property) -> TensionLaw {
-        TensionLaw {
-            law,
-            property,
-            ..TensionLaw::constant(0.0)
-        }
-    }
-
     /// Values of the formula computed apart from this code, and the temperature at which the slope changes its sign.
     #[test]
     fn sulphur_turns_the_slope_round() {
-        let with = |sulphur| law(SurfaceTension::Sulphur(sulphur), Property::Constant(0.0));
+        let with =
+            |sulphur| SurfaceTension::Sulphur(sulphur).with_property(Property::Constant(0.0));
         let slope = |sulphur, temperature| with(sulphur).slope(temperature);
         for (temperature, expected) in [(1809.0, 3.13e-4), (2000.0, 4.2e-5), (2200.0, -1.79e-4)] {
             let found = slope(0.015, temperature);
@@ -210,9 +199,12 @@ mod tests {
         let table = Table::new(vec![1700.0, 2700.0], vec![1.8, 1.4]).expect("valid rows");
         let constant = || Property::Constant(0.01);
         for (law, value) in [
-            (law(SurfaceTension::Sulphur(0.015), constant()), None),
             (
-                law(SurfaceTension::Material, Property::Table(table)),
+                SurfaceTension::Sulphur(0.015).with_property(constant()),
+                None,
+            ),
+            (
+                SurfaceTension::Material.with_property(Property::Table(table)),
                 Some(1.6),
             ),
             (TensionLaw::linear(0.01, 2198.0, -0.002), Some(0.006)),
@@ -243,13 +235,13 @@ mod tests {
     fn a_table_has_the_slope_of_its_rows() {
         let table = Table::new(vec![1700.0, 2700.0], vec![1.8, 1.4]).expect("valid rows");
         let property = Property::Table(table);
-        let material = law(SurfaceTension::Material, property);
+        let material = SurfaceTension::Material.with_property(property);
         assert!((material.slope(2000.0) + 4e-4).abs() < 1e-15);
         assert!((material.stress(2000.0, 5.0) + 2e-3).abs() < 1e-14);
-        let slope = law(SurfaceTension::Slope(1e-4), Property::Constant(0.0));
+        let slope = SurfaceTension::Slope(1e-4).with_property(Property::Constant(0.0));
         assert_eq!(slope.slope(300.0), 1e-4);
         assert!(!material.is_constant() && !slope.is_constant());
-        assert!(law(SurfaceTension::Material, Property::Constant(0.07)).is_constant());
+        assert!(TensionLaw::constant(0.07).is_constant());
     }
 
     #[test]

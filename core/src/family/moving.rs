@@ -174,12 +174,8 @@ impl Family {
         let order = following.order(positions, curve);
         let ranks = following.ranks(&order, positions, curve);
         self.slots.points = PointSlots::sorted(order.clone());
-        let mut images = following.find_rows(
-            &self.spec,
-            (&self.slots.points, &ranks),
-            positions,
-            &mut cloud.rows,
-        );
+        following.arrange(&self.slots.points, positions);
+        let mut images = following.find_rows(&self.spec, &ranks, &mut cloud.rows);
         let (owned, remote) = order.split_at(following.owned);
         cloud.rows.point.clear();
         cloud.rows.point.extend(owned);
@@ -259,27 +255,24 @@ impl Following {
         ranks
     }
 
-    /// Finds the rows of points in their slots at these positions (m), and their images.
-    fn find_rows(
-        &mut self,
-        spec: &FamilySpec,
-        (points, ranks): (&PointSlots, &[u32]),
-        positions: &[Vector3<f64>],
-        rows: &mut Rows,
-    ) -> Images {
+    /// Copies positions (m) and spacings of the points to their slots.
+    fn arrange(&mut self, points: &PointSlots, positions: &[Vector3<f64>]) {
+        points.arrange(positions, &mut self.body.points.position);
+        points.arrange(&self.spacing_of_point, &mut self.body.points.spacing);
+    }
+
+    /// Finds the rows of the points in their slots, of which `ranks` gives the order, and their images.
+    fn find_rows(&mut self, spec: &FamilySpec, ranks: &[u32], rows: &mut Rows) -> Images {
         let is_whole = self.is_whole();
         let Following {
             body,
             owned,
             coarsest,
-            spacing_of_point,
             horizon,
             skin,
             list,
             ..
         } = self;
-        points.arrange(positions, &mut body.points.position);
-        points.arrange(spacing_of_point, &mut body.points.spacing);
         let spacings = horizon.iter_mut().zip(&body.points.spacing);
         spacings.for_each(|(h, s)| *h = spec.horizon.of(*s));
         let reach = horizon.iter().map(|h| spec.reach(*h, *coarsest) + *skin);
