@@ -21,8 +21,8 @@ base of 40 x 8 mm below a strip of 12 x 8 mm; the planes x = 0 and y = 0 are pla
 Squares or bricks with the mean dilatation of each element ([Hughes1980]; not in plane stress), radial return with its
 consistent tangent, Newton's method. `hot_layers`, `hot_spot` and `weld` take the time steps of the case files: what metal
 that cools has yielded depends on them to first order. Prints the hydrostatic stress and one component in MPa as means over boxes of 1 mm:
-from below in the second column from the plane of symmetry, in the first for `hot_spot`, in the one in the middle for
-`wall`; across the middle of the `weld`; and the displacements along the upper row of the base. Elements of 0.5 mm take
+from below in the second column from the plane of symmetry, in the first, third and sixth for `hot_spot`, in the one in
+the middle for `wall`; across the middle of the `weld`; and the displacements along the upper row of the base. Elements of 0.5 mm take
 seconds, for `wall` and `weld` some minutes. Needs NumPy and SciPy.
 """
 
@@ -409,21 +409,21 @@ def weld(h: float) -> Body:
 
 
 class Job(NamedTuple):
-    """A computation, and what is printed: the stress along `stress`, by boxes along `line` at a place of the others, and the
+    """A computation, and what is printed: the stress along `stress`, by boxes along `line` at places of the others, and the
     displacement of the boxes along x at height `row`."""
 
     compute: Callable[[float], Body]
-    place: tuple[int, ...]
+    places: tuple[tuple[int, ...], ...]
     line: int
     stress: int
     row: int
 
 
-def rows(body: Body, job: Job) -> tuple[Array, Array]:
-    """Hydrostatic stress and stress along an axis in boxes of 1 mm, MPa."""
+def rows(body: Body, job: Job, place: tuple[int, ...]) -> tuple[Array, Array]:
+    """Hydrostatic stress and stress along an axis in boxes of 1 mm at a place, MPa."""
     box = np.floor(body.center / MM + 1e-9).astype(int)
     mean = body.stress.mean(1) / 1e6
-    inside = (np.delete(box, job.line, axis=1) == job.place).all(1)
+    inside = (np.delete(box, job.line, axis=1) == place).all(1)
     along = box[:, job.line]
     boxes = [inside & (along == number) for number in range(along[inside].max() + 1)]
     pressure, stress = (
@@ -456,13 +456,13 @@ def alternation(body: Body) -> float:
 
 
 JOBS = {
-    "ramp": Job(ramp, (1,), 1, 0, 7),
-    "layers": Job(lambda h: cold(h, by_columns=False), (1,), 1, 0, 7),
-    "columns": Job(lambda h: cold(h, by_columns=True), (1,), 1, 0, 7),
-    "hot_layers": Job(hot_layers, (1,), 1, 0, 7),
-    "hot_spot": Job(hot_spot, (0,), 1, 0, 9),
-    "wall": Job(wall, (8, 0), 2, 2, 3),
-    "weld": Job(weld, (0,), 0, 1, 39),
+    "ramp": Job(ramp, ((1,),), 1, 0, 7),
+    "layers": Job(lambda h: cold(h, by_columns=False), ((1,),), 1, 0, 7),
+    "columns": Job(lambda h: cold(h, by_columns=True), ((1,),), 1, 0, 7),
+    "hot_layers": Job(hot_layers, ((1,),), 1, 0, 7),
+    "hot_spot": Job(hot_spot, ((0,), (2,), (5,)), 1, 0, 9),
+    "wall": Job(wall, ((8, 0),), 2, 2, 3),
+    "weld": Job(weld, ((0,),), 0, 1, 39),
 }
 
 
@@ -470,11 +470,13 @@ def main(name: str = "ramp", size: str = "0.5") -> None:
     """Prints the rows of a job."""
     job = JOBS[name]
     body = job.compute(float(size) * MM)
-    pressure, stress = rows(body, job)
     of_elements = body.stress.mean(1) @ NORMAL / 3e6
     print(f"{name}, elements of {size} mm: hydrostatic stress {of_elements.min():.0f} to {of_elements.max():.0f} MPa")
-    print(f"along {'xyz'[job.line]}, hydrostatic stress in MPa:", *(f"{value:.0f}" for value in pressure))
-    print(f"along {'xyz'[job.line]}, stress {'xyz'[job.stress] * 2} in MPa:  ", *(f"{value:.0f}" for value in stress))
+    for place in job.places:
+        pressure, stress = rows(body, job, place)
+        at = f"along {'xyz'[job.line]} at {' and '.join(f'{box + 0.5} mm' for box in place)}"
+        print(f"{at}, hydrostatic stress in MPa:", *(f"{value:.0f}" for value in pressure))
+        print(f"{at}, stress {'xyz'[job.stress] * 2} in MPa:  ", *(f"{value:.0f}" for value in stress))
     for axis, moved in zip("xyz", displacement(body, job).T, strict=False):
         print(f"along x, displacement {axis} in um:", *(f"{value:.2f}" for value in moved))
     print(f"alternation of the hydrostatic stress from box to box in MPa: {alternation(body):.1f}")
