@@ -38,6 +38,7 @@ pub(super) fn run(
     let law = ChosenLaw::of(keys.law.take(), keys.formulation())?;
     let keys = &*keys;
     let body = setup.find_body(keys.body.as_deref())?;
+    law.check_plies(setup.body(body), keys.fracture.is_some())?;
     growth::check(keys, setup, body)?;
     let layers = setup.layers(body, &keys::DISPLACEMENT);
     if keys.formulation() == Formulation::Staggered {
@@ -53,7 +54,14 @@ pub(super) fn run(
         section.check(setup, body)?;
     }
     let extrapolation = extrapolation(keys, setup.body(body), &family)?;
-    let constitution = constitution(keys, flow, setup, body, &family)?;
+    let elasticity = match law.law.is_of_plies() {
+        true => Elasticity::bound(setup, body, "youngs_modulus_1")?,
+        false => {
+            let bond_based = keys.formulation() == Formulation::Bond;
+            Elasticity::of(setup, body, keys.plane, bond_based)?
+        }
+    };
+    let constitution = constitution(keys, flow, setup, body, (&family, elasticity))?;
     let is_finite = constitution.finite;
     let damping = keys.solver.damping();
     let is_plastic = constitution.plasticity.is_some();
@@ -206,6 +214,10 @@ fn family(
         layers,
         audited: Vec::new(),
     };
+    if let Some(layers) = setup.body(body).layers() {
+        let plane = Family::build(layers.plane(), &spec);
+        return Ok(Arc::new(plane.map_err(|e| SetupError::new("horizon", e))?));
+    }
     if setup.world().is_growing(body) {
         return Ok(Arc::new(setup.own_family(body, &spec)?));
     }
@@ -219,7 +231,7 @@ fn constitution(
     flow: Option<ChosenFlow>,
     setup: &mut Setup<'_>,
     body: BodyIndex,
-    family: &Family,
+    (family, elasticity): (&Family, Elasticity),
 ) -> Result<Constitution, SetupError> {
     let bond_based = keys.formulation() == Formulation::Bond;
     if let (true, Some(flow)) = (bond_based, &flow) {
@@ -241,7 +253,7 @@ fn constitution(
         return Err(SetupError::value("fracture.once", message, expected));
     }
     Ok(Constitution {
-        elasticity: Elasticity::of(setup, body, keys.plane, bond_based)?,
+        elasticity,
         finite: keys.kinematics == Kinematics::Finite,
         in_motion: keys.solver.damping().is_some(),
         plasticity: match flow {
