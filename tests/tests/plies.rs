@@ -142,6 +142,10 @@ fn what_plies_do_not_support() {
         ),
         (
             "[[couplers]]\n",
+            "[[couplers]]\ntype = \"insulated_crack\"\nfrom = [0, 0.005]\nto = [0.005, 0.005]\n[[couplers]]\n"
+        ),
+        (
+            "[[couplers]]\n",
             "[[couplers]]\ntype = \"prescribed_displacement\"\nface = \"x-\"\nx = 0\n[[couplers]]\n"
         ),
     ]));

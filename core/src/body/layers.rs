@@ -237,7 +237,7 @@ impl Layers {
         }
     }
 
-    pub(crate) fn plane_mut(&mut self) -> &mut Body {
+    pub(super) fn plane_mut(&mut self) -> &mut Body {
         Arc::make_mut(&mut self.plane)
     }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use nalgebra::Vector3;
 
 use super::Setup;
-use crate::body::{Body, Cut, Discretisation, Region};
+use crate::body::{Body, Cut, Region};
 use crate::error::{Problem, SetupError};
 use crate::in_space::{InSpace, Placed};
 use crate::world::{BodyIndex, World};
@@ -90,10 +90,6 @@ impl Setup<'_> {
     /// Cuts a body: no family obtained from now on has bonds across `cut`. Called by crack
     /// couplers, which are prepared before all physics.
     pub fn cut(&mut self, body: BodyIndex, cut: Cut) {
-        let body = &mut self.world.bodies[body];
-        if let Discretisation::Layers(layers) = &mut body.discretisation {
-            layers.plane_mut().cuts.push(cut.clone());
-        }
-        body.cuts.push(cut);
+        self.world.bodies[body].cuts.push(cut);
     }
 }

@@ -214,7 +214,16 @@ fn family(
         layers,
         audited: Vec::new(),
     };
-    if let Some(layers) = setup.body(body).layers() {
+    let this = setup.body(body);
+    if let Some(layers) = this.layers() {
+        if !this.cuts.is_empty() {
+            let message = format!("body `{}` has a `layup`, and a crack cuts it", this.name);
+            return Err(SetupError::value(
+                "body",
+                message,
+                "a laminate without cracks",
+            ));
+        }
         let plane = Family::build(layers.plane(), &spec);
         return Ok(Arc::new(plane.map_err(|e| SetupError::new("horizon", e))?));
     }
