@@ -168,7 +168,7 @@ fn two_stations_have_the_stiffness_of_classical_lamination_theory() {
         (&[0.0, 45.0, -45.0, 90.0], &[d1, d2, d1, d2]),
         (&[0.0, 90.0, 90.0, 0.0], &[d2, d1, d1, d2]),
     ] {
-        let body = plate(angles, thickness, Stations::Two, 15);
+        let body = plate(angles, thickness, Stations::Two, 21);
         let mut laminate = laminate(&body, false);
         let abd = stiffness(body.layers().expect("layers"));
         for (scale, number) in [(0.0, 0), (1e3, 1), (1.0, 2), (1e3, 3), (1e6, 4)] {
@@ -224,7 +224,7 @@ fn a_ply_across_is_a_ply_along_with_its_axes_exchanged() {
 /// A ply of one station bends without energy of its own.
 #[test]
 fn one_station_has_the_stiffness_of_sheets_in_the_middle_of_the_plies() {
-    let body = plate(&[0.0, 90.0], &[1e-3, 1e-3], Stations::One, 15);
+    let body = plate(&[0.0, 90.0], &[1e-3, 1e-3], Stations::One, 21);
     let mut laminate = laminate(&body, false);
     let found = energy_per_area(&body, &mut laminate, &[0.0, 0.0, 0.0, 2.0, 0.0, 0.0]);
     let q = CONSTANTS.ply.reduced();
@@ -344,7 +344,7 @@ fn the_stiffness_is_that_of_the_forces_and_its_frequency_is_bounded() {
 /// A shift of the upper layer against the lower one: the traction is the shear modulus times the angle.
 #[test]
 fn interfaces_carry_the_shear_of_their_modulus() {
-    let body = plate(&[0.0], &[1e-3], Stations::Two, 15);
+    let body = plate(&[0.0], &[1e-3], Stations::Two, 21);
     let layers = body.layers().expect("layers").clone();
     let points = layers.points_of_layer();
     let mut laminate = laminate(&body, false);
