@@ -4,7 +4,7 @@ use perimelt_core::body::{BodyError, ZoneError};
 use perimelt_core::error::nearest;
 use perimelt_core::material::Material;
 use perimelt_core::shape::Shape;
-use perimelt_core::{Body, Explanation, Problem, input};
+use perimelt_core::{Body, Explanation, Problem, input, keys};
 
 use super::error::{CaseError, Mistake, Mistakes};
 use super::sections::BodySection;
@@ -35,6 +35,7 @@ impl Case {
             1 => section.cross_section,
             _ => section.thickness,
         };
+        self.check_layup(name, section)?;
         let filled = self.points(name, section, thickness)?;
         let filled = filled.and_then(|body| {
             let mut body = match section.jitter {
@@ -52,7 +53,16 @@ impl Case {
                 BodyError::Zone { number, .. } => number.to_string(),
                 _ => String::new(),
             };
+            let expected = match &e {
+                BodyError::Layup(e) => e.expected(),
+                _ => String::new(),
+            };
             let key: &[&str] = match &e {
+                BodyError::Layup(e) => &["layup", e.key()],
+                BodyError::NotPositive {
+                    key: "ply_thickness",
+                    ..
+                } => &["layup", "ply_thickness"],
                 BodyError::NotPositive {
                     key: "thickness", ..
                 } if section.dimension == 1 => &["cross_section"],
@@ -71,7 +81,7 @@ impl Case {
                 BodyError::Table(_) => &["points"],
                 BodyError::Unbounded | BodyError::Shape(_) => &["shape"],
             };
-            self.body_error(&[&[name], key].concat(), e.to_string(), "")
+            self.body_error(&[&[name], key].concat(), e.to_string(), &expected)
         })?;
         body.store = section.store;
         for (region, shape) in &section.regions {
@@ -124,6 +134,9 @@ impl Case {
         let zones = (!section.zones.is_empty()).then_some(&section.zones);
         self.check_memory(name, section, shape)?;
         match (section.spacing, zones, &section.points) {
+            (Some(spacing), None, None) if let Some(layup) = &section.layup => {
+                Ok(Body::stack(name, shape, spacing, layup))
+            }
             (Some(spacing), None, None) => {
                 Ok(Body::fill(name, shape, dimension, spacing, thickness))
             }
@@ -153,6 +166,33 @@ impl Case {
                 Err(self.body_error(&[name, second], message, expected))
             }
         }
+    }
+
+    /// Refuses what does not go together with the layers of a lay-up.
+    fn check_layup(&self, name: &str, section: &BodySection) -> Result<()> {
+        if section.layup.is_none() {
+            return Ok(());
+        }
+        for (key, is_given, expected) in [
+            ("dimension", section.dimension != 3, "`dimension = 3`"),
+            ("zones", !section.zones.is_empty(), "`spacing`"),
+            ("points", section.points.is_some(), "`spacing`"),
+            ("jitter", section.jitter.is_some(), "no `jitter`"),
+            ("tank", section.tank.is_some(), "no `tank`"),
+        ] {
+            if is_given {
+                let message = format!("body `{name}` has a `layup`, which needs {expected}");
+                return Err(self.body_error(&[name, key], message, expected));
+            }
+        }
+        let key = keys::ORIENTATION;
+        let orientation: &str = &key.name;
+        if section.initial.contains_key(orientation) {
+            let message = format!("the `layup` of body `{name}` has the angles of its plies");
+            let path = [name, "initial", orientation];
+            return Err(self.body_error(&path, message, "no initial `orientation`"));
+        }
+        Ok(())
     }
 
     /// The materials that the section of a body names, its own first; none for an unknown body.

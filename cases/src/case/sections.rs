@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use perimelt_core::Axis;
 use perimelt_core::StepSize;
-use perimelt_core::body::{Jitter, Store, Zone};
+use perimelt_core::body::{Jitter, Layup, Store, Zone};
 use perimelt_core::log::Precision;
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::simulation::{Iteration, LogStage, Stage};
@@ -53,6 +53,10 @@ pub struct BodySection {
     /// Displaces the points at random, without a change of volumes: `jitter = { amplitude = 0.1 }`.
     #[serde(default)]
     pub jitter: Option<Jitter>,
+    /// Plies of a laminate, from below, such as `layup = { angles = [0, 90] }` with degrees from x towards y: layers of points at
+    /// `spacing`, stacked along z.
+    #[serde(default)]
+    pub layup: Option<Layup>,
     /// Thickness of a 2D body, m.
     #[serde(default = "one")]
     #[schemars(extend("exclusiveMinimum" = 0))]

@@ -48,6 +48,15 @@ pub enum PlotError {
         /// section and extent of the body
         outside: Outside,
     },
+    /// A section of plies.
+    #[error(
+        "`--section` does not cut body `{body}`, whose points lie in the layers of a `layup`: it is drawn from above \
+         (`export` writes all layers for ParaView)"
+    )]
+    SectionOfLayers {
+        /// the body
+        body: String,
+    },
     /// Too few pixels for the letters.
     #[error(
         "`--width {width}` is too narrow for letters of `--dpi {dpi}`: expected at least {least} pixels"

@@ -99,8 +99,15 @@ impl Plotter<'_> {
             counts: grid.cells,
             covered: grid.covered().collect(),
         };
+        // cells of a lay-up are not cubes
+        let is_layered = !body.layers.is_empty();
+        if is_layered && !self.args.section.is_empty() {
+            let body = body.name.clone();
+            return Err(PlotError::SectionOfLayers { body });
+        }
+        let cuts = if is_layered { &[][..] } else { &plot.cuts };
         let caption = |cut, letter| section_caption(&grid, cut, letter);
-        let views = views(&cells, body.dimension, &scalar.values, &plot.cuts, caption);
+        let views = views(&cells, body.dimension, &scalar.values, cuts, caption);
         let views = views.map_err(|outside| PlotError::SectionOutside {
             body: body.name.clone(),
             outside,

@@ -1,5 +1,5 @@
 //! Fields between the points of a body: Lagrange interpolation on a lattice, a linear fit on a
-//! cloud. Probes and checks read fields at positions in this way only.
+//! cloud; in a lay-up interpolation in the plane of the layers, and lines through the layers of a ply. Probes and checks read fields at positions in this way only.
 //!
 //! Beyond the outermost points the field continues as its mirror image at the face, so that the
 //! value on a face is `(9 T1 - T2) / 8` from the two outermost points (cubic) or `T1` (linear). Where the value `Ts` on the
@@ -7,7 +7,7 @@
 //! `T(d) + 2 (Ts - T1) d / d1` with the distance `d1` of the outermost point: linear fields are exact up to the face.
 
 use nalgebra::Vector3;
-use perimelt_core::body::{Discretisation, Lattice};
+use perimelt_core::body::{Discretisation, Lattice, Layers};
 use perimelt_core::world::activity::is_active;
 use perimelt_core::{Body, Face, SetupError, World, text};
 use schemars::JsonSchema;
@@ -65,6 +65,7 @@ impl Weights {
             Discretisation::Lattice(lattice) => {
                 on_lattice(lattice, body.dimension, position, interpolation)
             }
+            Discretisation::Layers(layers) => in_layers(layers, position, interpolation),
             Discretisation::Cloud(_) if interpolation == Interpolation::Cubic => {
                 let message = format!(
                     "the points of body `{}` do not form a lattice, which cubic interpolation needs",
@@ -123,6 +124,21 @@ impl Weights {
         let faces = self.faces.iter().filter(|(p, ..)| is_there(*p));
         (sum + faces.filter_map(to_face).sum::<f64>()) / total
     }
+}
+
+/// Weights among the layers of a ply; `None` where there are not enough points.
+fn in_layers(layers: &Layers, position: [f64; 3], interpolation: Interpolation) -> Option<Weights> {
+    let plane = on_lattice(layers.plane().lattice()?, 2, position, interpolation)?;
+    let mut weights = Weights::default();
+    for (layer, across) in layers.weights_across(position[2])? {
+        let first = layer * layers.points_of_layer();
+        let points = plane.points.iter();
+        (weights.points).extend(points.map(|(point, weight)| (first + point, across * weight)));
+        let faces = plane.faces.iter();
+        let faces = faces.map(|(point, face, factor)| (first + point, *face, across * factor));
+        weights.faces.extend(faces);
+    }
+    Some(weights)
 }
 
 /// Weights on a lattice; `None` where there are not enough points.

@@ -312,6 +312,9 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
         points: body.points.len(),
         symmetry: simulation.world().symmetry(index).to_vec(),
         lattice: lattice_info(body),
+        layers: (body.layers().into_iter())
+            .flat_map(|l| l.layers().iter().map(|l| l.z))
+            .collect(),
         fields: simulation
             .lasting()
             .filter(|f| f.body == index)

@@ -1,8 +1,8 @@
 //! Bodies: a named set of points, their discretisation, materials and regions.
 //!
 //! The points of a body are the centres of the cells of one uniform [`Lattice`] ([`Body::fill`]),
-//! or a [`Cloud`]: cells of several sizes ([`Body::fill_zones`]), displaced at random
-//! ([`Body::jittered`]), or read from a table ([`Body::from_table`]).
+//! a [`Cloud`]: cells of several sizes ([`Body::fill_zones`]), displaced at random
+//! ([`Body::jittered`]), or read from a table ([`Body::from_table`]), or the [`Layers`] of a laminate ([`Body::stack`]).
 
 mod cloud;
 mod cut;
@@ -11,6 +11,7 @@ mod horizon;
 mod images;
 mod interpolate;
 mod lattice;
+mod layers;
 mod outline;
 mod part;
 mod table;
@@ -24,6 +25,7 @@ pub use horizon::{Horizon, HorizonError};
 pub use images::{BoxImage, BoxImages};
 pub use interpolate::weights_among;
 pub use lattice::{Lattice, NO_POINT};
+pub use layers::{Layer, Layers, Layup, LayupError, Ply, Stations};
 pub use part::Part;
 pub use table::{POINT_COLUMNS, PointTableError};
 pub use zones::{Zone, ZoneError};
@@ -89,6 +91,8 @@ pub enum Discretisation {
     Lattice(Lattice),
     /// Points with individual spacings.
     Cloud(Cloud),
+    /// Layers of points over one plane grid.
+    Layers(Layers),
 }
 
 /// How the families of a body on a lattice are stored; a cloud always has rows.
@@ -208,6 +212,9 @@ pub enum BodyError {
     /// A table of points that cannot be read.
     #[error(transparent)]
     Table(#[from] PointTableError),
+    /// Plies that do not fit.
+    #[error(transparent)]
+    Layup(#[from] LayupError),
     /// More points than the index type holds.
     #[error("the body has {0:.1e} cells, but at most 4e9 are supported: choose a larger `spacing`")]
     TooManyPoints(f64),
@@ -250,6 +257,9 @@ impl Body {
     /// # Errors
     /// When the body has no such axis or does not cover both faces across it.
     pub fn repeat(&mut self, axes: &[Axis]) -> Result<(), BodyError> {
+        if let Discretisation::Layers(layers) = &mut self.discretisation {
+            layers.plane_mut().repeat(axes)?;
+        }
         for &axis in axes {
             if axis.index() >= self.dimension || !self.fills_faces(axis.index()) {
                 let dimension = self.dimension;
@@ -280,11 +290,27 @@ impl Body {
         Ok(())
     }
 
-    /// The lattice; `None` for a cloud.
+    /// The lattice; `None` for a cloud and for layers.
     pub fn lattice(&self) -> Option<&Lattice> {
         match &self.discretisation {
             Discretisation::Lattice(lattice) => Some(lattice),
-            Discretisation::Cloud(_) => None,
+            Discretisation::Cloud(_) | Discretisation::Layers(_) => None,
+        }
+    }
+
+    /// The layers of a laminate.
+    pub fn layers(&self) -> Option<&Layers> {
+        match &self.discretisation {
+            Discretisation::Layers(layers) => Some(layers),
+            Discretisation::Lattice(_) | Discretisation::Cloud(_) => None,
+        }
+    }
+
+    /// Width of the cell of a point along an axis, m.
+    pub fn width(&self, point: usize, axis: usize) -> f64 {
+        match &self.discretisation {
+            Discretisation::Layers(layers) => layers.width(point, axis),
+            Discretisation::Lattice(_) | Discretisation::Cloud(_) => self.points.spacing[point],
         }
     }
 
@@ -330,6 +356,7 @@ impl Body {
         match &self.discretisation {
             Discretisation::Lattice(lattice) => lattice.bounds(),
             Discretisation::Cloud(cloud) => cloud.bounds(),
+            Discretisation::Layers(layers) => layers.bounds(),
         }
     }
 
@@ -337,6 +364,7 @@ impl Body {
     pub fn fills_box(&self) -> bool {
         match &self.discretisation {
             Discretisation::Lattice(lattice) => lattice.is_full(),
+            Discretisation::Layers(layers) => layers.plane().fills_box(),
             Discretisation::Cloud(_) => {
                 let (min, max) = self.bounds();
                 let box_volume: f64 = (0..self.dimension).map(|a| max[a] - min[a]).product();
@@ -349,6 +377,9 @@ impl Body {
 
     /// Whether cells of points cover both faces of the bounding box across an axis.
     fn fills_faces(&self, axis: usize) -> bool {
+        if let Some(layers) = self.layers() {
+            return axis < 2 && layers.plane().fills_faces(axis);
+        }
         if self.lattice().is_none() {
             return self.fills_box();
         }
@@ -384,6 +415,7 @@ impl Body {
             Discretisation::Cloud(cloud) => {
                 cloud.behind(&self.points.spacing, point, face, [0.0; 3])
             }
+            Discretisation::Layers(layers) => layers.neighbour(point, face),
         }
     }
 
@@ -416,10 +448,10 @@ impl Body {
         let faces = faces.iter().filter(|f| f.axis() < self.dimension);
         let mut surface = Vec::new();
         for point in points.filter(|&p| has_material(p)) {
-            let whole = self.points.volume[point] / self.points.spacing[point];
             for &face in faces.clone() {
+                let whole = self.points.volume[point] / self.width(point, face.axis());
                 let bare = match &self.discretisation {
-                    Discretisation::Lattice(_) => {
+                    Discretisation::Lattice(_) | Discretisation::Layers(_) => {
                         let covers = self.neighbour(point, face);
                         f64::from(u8::from(!covers.is_some_and(&has_material)))
                     }

@@ -106,6 +106,8 @@ impl Body {
                 let spacing = of(&points.spacing, numbers);
                 Discretisation::Cloud(cloud.subset(of(cloud.centres(), numbers), &spacing))
             }
+            // families of layers are those of their plane grid
+            Discretisation::Layers(layers) => Discretisation::Layers(layers.clone()),
         };
         Body {
             points: Points {

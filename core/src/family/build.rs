@@ -47,6 +47,7 @@ impl Family {
         match &share.body.discretisation {
             Discretisation::Lattice(lattice) => Family::on_lattice(share, lattice, spec),
             Discretisation::Cloud(_) => Family::on_cloud(share, spec),
+            Discretisation::Layers(_) => Err(FamilyError::Layers),
         }
     }
 

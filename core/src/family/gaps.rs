@@ -80,7 +80,7 @@ impl<'a> Review<'a> {
             cuts: cuts(body, spec),
             list: CellList::new(&body.points.position, reach),
             slack: match body.discretisation {
-                Discretisation::Lattice(_) => rounding,
+                Discretisation::Lattice(_) | Discretisation::Layers(_) => rounding,
                 Discretisation::Cloud(_) => displaced,
             },
         }

@@ -201,6 +201,11 @@ pub enum FamilyError {
     /// The points of a body in a tank do not move.
     #[error("the body has a `tank`, but its points keep their neighbours")]
     Tank,
+    /// Points in layers have families in their own layer only.
+    #[error(
+        "the points of a lay-up have bonds within their ply and between plies, not with all points around them"
+    )]
+    Layers,
     /// The description of a family of moving points has something unsupported.
     #[error("a family of moving points does not support {what}")]
     Moving {
@@ -240,6 +245,7 @@ impl FamilyError {
         let explanation = Explanation::new(self.to_string());
         match self {
             FamilyError::Tank => explanation.expected("`description = \"updated_lagrangian\"`"),
+            FamilyError::Layers => explanation.expected("a body without `layup`"),
             FamilyError::Moving { expected, .. } => explanation.expected(expected),
             FamilyError::NotBalanced { .. } => explanation.help("use `correction = \"point\"`"),
             _ => explanation,

@@ -170,6 +170,9 @@ pub struct BodyInfo {
     /// cells of a body on a regular grid; `None` where points have several spacings or come from a table
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lattice: Option<LatticeInfo>,
+    /// positions of the layers of a lay-up along z, m
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub layers: Vec<f64>,
     /// fields the body has, logged or not
     pub fields: Vec<FieldInfo>,
 }

@@ -46,6 +46,7 @@ fn run_info() -> RunInfo {
             points: 40,
             symmetry: vec![Face::YMin],
             lattice: None,
+            layers: Vec::new(),
             fields: vec![
                 field("temperature", "K", 1),
                 field("velocity", "m/s", 3),

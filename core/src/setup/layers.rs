@@ -88,6 +88,15 @@ impl Setup<'_> {
             let expected = "a face of an axis that is not in `periodic` of the body";
             return Err(SetupError::value("face", message, expected));
         }
+        if self.body(body).layers().is_some() {
+            let name = &self.body(body).name;
+            let message = format!(
+                "body `{name}` has a `layup`: its bonds end at face `{}`",
+                face.name()
+            );
+            let expected = "a `region` of the body";
+            return Err(SetupError::value("face", message, expected));
+        }
         if let Some(lattice) = self.body(body).lattice()
             && !lattice.reaches(face)
         {

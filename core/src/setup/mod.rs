@@ -56,7 +56,8 @@ struct Plugin {
 struct Happening {
     body: BodyIndex,
     change: Change,
-    plugin: usize,
+    /// The plugin by which it happens; `None` where the case says so.
+    plugin: Option<usize>,
 }
 
 /// The mistake of a plugin, should something happen to the points of a body.
@@ -111,13 +112,20 @@ pub struct Setup<'w> {
 impl<'w> Setup<'w> {
     /// Starts the set-up of `world`; relative paths in the case start from `folder`.
     pub fn new(world: &'w mut World, folder: &Path) -> Self {
+        let bodies = world.bodies.iter().enumerate();
+        let layered = bodies.filter(|(_, body)| body.layers().is_some());
+        let happenings = layered.map(|(body, _)| Happening {
+            body,
+            change: Change::Layers,
+            plugin: None,
+        });
         Setup {
+            happenings: happenings.collect(),
             world,
             folder: folder.to_path_buf(),
             plugins: Vec::new(),
             current: 0,
             declarations: Vec::new(),
-            happenings: Vec::new(),
             refused: Vec::new(),
             warnings: Vec::new(),
             notes: Vec::new(),

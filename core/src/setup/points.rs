@@ -17,7 +17,7 @@ impl Setup<'_> {
         self.happenings.push(Happening {
             body,
             change,
-            plugin,
+            plugin: Some(plugin),
         });
     }
 
@@ -139,16 +139,10 @@ impl Setup<'_> {
 
     /// Plugins that act on the points of a body: they do more than read its fields, or have a family.
     fn acting_plugins(&self, body: BodyIndex) -> impl Iterator<Item = usize> {
-        let acts = |access: Access| {
-            !matches!(
-                access,
-                Access::Given | Access::Read | Access::ReadIfProvided
-            )
-        };
         let is_here = move |d: &&Declaration| self.world.fields.field(d.field).body == body;
         let declarations = self.declarations.iter().filter(is_here);
         let declared = declarations
-            .filter(move |d| acts(d.access))
+            .filter(move |d| d.access.acts())
             .map(|d| d.plugin);
         let families = self.world.families.iter().filter(move |f| f.body == body);
         declared.chain(families.map(|f| f.plugin))
@@ -156,16 +150,15 @@ impl Setup<'_> {
 
     /// The mistake of a plugin that does not support what happens to points.
     fn unsupported(&self, happening: &Happening, plugin: usize) -> SetupError {
-        let (by, body) = (
-            self.label(happening.plugin),
-            &self.body(happening.body).name,
-        );
+        let by = happening.plugin.map_or("", |plugin| self.label(plugin));
+        let body = &self.body(happening.body).name;
         let what = match happening.change {
             Change::Motion => format!("`{by}` moves the points of body `{body}`"),
             Change::Flow => format!("`{by}` lets a fluid flow through the points of body `{body}`"),
             Change::Births => format!("`{by}` adds material to body `{body}`"),
             Change::Cuts => format!("`{by}` removes material from body `{body}`"),
             Change::Window => format!("`{by}` moves body `{body}` as a window of finer points"),
+            Change::Layers => format!("body `{body}` has its points in the layers of a `layup`"),
         };
         let message = format!("{what}, which `{}` does not support", self.label(plugin));
         let expected = format!(
@@ -177,8 +170,21 @@ impl Setup<'_> {
 
     /// Refuses the calling plugin where it does not support what happens to the points of a body.
     pub(super) fn check_support(&self, body: BodyIndex) -> Result<(), SetupError> {
+        self.check_support_of(body, |_| true)
+    }
+
+    /// Refuses the calling plugin where it does not support what the case says of the points of a body, before it acts on them.
+    pub(super) fn check_support_of_case(&self, body: BodyIndex) -> Result<(), SetupError> {
+        self.check_support_of(body, |happening| happening.plugin.is_none())
+    }
+
+    fn check_support_of(
+        &self,
+        body: BodyIndex,
+        counts: impl Fn(&Happening) -> bool,
+    ) -> Result<(), SetupError> {
         let supports = self.plugins[self.current].supports;
-        let mut happenings = self.happenings.iter();
+        let mut happenings = self.happenings.iter().filter(|h| counts(h));
         match happenings.find(|h| h.body == body && !supports.contains(h.change)) {
             Some(happening) => Err(self.unsupported(happening, self.current)),
             None => Ok(()),

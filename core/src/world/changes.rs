@@ -1,4 +1,4 @@
-//! What can happen to the points of a body during a run, and which of it a plugin supports.
+//! What can happen to the points of a body during a run or set them apart, and which of it a plugin supports.
 
 use std::fmt;
 
@@ -15,16 +15,19 @@ pub enum Change {
     Cuts,
     /// The points are a window of finer points that moves over another body.
     Window,
+    /// The points lie in the layers of a lay-up.
+    Layers,
 }
 
 impl Change {
     /// All of them, in the order of the table of support.
-    pub const ALL: [Change; 5] = [
+    pub const ALL: [Change; 6] = [
         Change::Motion,
         Change::Flow,
         Change::Births,
         Change::Cuts,
         Change::Window,
+        Change::Layers,
     ];
 
     /// The name in the table of support.
@@ -35,6 +38,7 @@ impl Change {
             Change::Births => "births",
             Change::Cuts => "cuts",
             Change::Window => "window",
+            Change::Layers => "layers",
         }
     }
 }
@@ -86,7 +90,7 @@ mod tests {
     fn a_set_contains_its_changes_only() {
         let set = Changes::of(&[Change::Flow, Change::Window]);
         let contained = Change::ALL.map(|change| set.contains(change));
-        assert_eq!(contained, [false, true, false, false, true]);
+        assert_eq!(contained, [false, true, false, false, true, false]);
         assert_eq!(Changes::NONE.and(set), set);
         assert!(Change::ALL.iter().all(|c| Changes::ALL.contains(*c)));
     }

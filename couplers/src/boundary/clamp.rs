@@ -97,7 +97,7 @@ impl RunningCoupler for RunningClamp {
     }
 }
 
-perimelt_core::register_coupler!("clamp", Clamp, supports: [Births, Cuts]);
+perimelt_core::register_coupler!("clamp", Clamp, supports: [Births, Cuts, Layers]);
 
 #[cfg(test)]
 mod tests {

@@ -52,7 +52,7 @@ impl RunningCoupler for RunningGravity {
     }
 }
 
-perimelt_core::register_coupler!("gravity", Gravity, supports: [Motion, Flow, Births, Cuts]);
+perimelt_core::register_coupler!("gravity", Gravity, supports: [Motion, Flow, Births, Cuts, Layers]);
 
 #[cfg(test)]
 mod tests {

@@ -180,7 +180,7 @@ impl RunningCoupler for RunningPrescribedDisplacement {
     }
 }
 
-perimelt_core::register_coupler!("prescribed_displacement", PrescribedDisplacement, supports: [Births, Cuts]);
+perimelt_core::register_coupler!("prescribed_displacement", PrescribedDisplacement, supports: [Births, Cuts, Layers]);
 
 #[cfg(test)]
 mod tests {

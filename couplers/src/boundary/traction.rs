@@ -274,7 +274,7 @@ impl RunningCoupler for RunningTraction {
     }
 }
 
-perimelt_core::register_coupler!("traction", Traction, supports: [Births, Cuts]);
+perimelt_core::register_coupler!("traction", Traction, supports: [Births, Cuts, Layers]);
 
 #[cfg(test)]
 mod tests {

@@ -6,7 +6,6 @@ use perimelt_core::{Body, BrokenBonds, Family};
 use rayon::prelude::*;
 
 use super::moduli::Moduli;
-use super::nodes::Nodes;
 use super::residual::Residual;
 
 /// Scale of the layers that tractions bend.
@@ -43,14 +42,15 @@ impl Coarse {
         let stiffness = |moduli: &Option<Moduli>| {
             moduli.map_or(0.0, |moduli| moduli.bond_stiffness(body.dimension))
         };
-        let space = match &solid.nodes {
-            Nodes::Points => {
+        let has_bonds = solid.family().points() > 0;
+        let space = match has_bonds {
+            true => {
                 let stiffness: Vec<f64> = moduli.iter().map(stiffness).collect();
                 let springs = Springs::new(residual, &stiffness);
                 coarse_space(body, residual, |point, receive| springs.of(point, receive))
             }
-            Nodes::Corners(_) => coarse_space(body, residual, |corner, receive| {
-                residual.solid.couplings(corner, receive);
+            false => coarse_space(body, residual, |node, receive| {
+                residual.solid.couplings(node, receive);
             }),
         };
         *self = Coarse {

@@ -17,6 +17,7 @@ use super::correspondence::{Correspondence, Settings};
 use super::fields::{has_tensor_eigenstrain, is_conjugate_tensor_read};
 use super::gradient::FlatFamily;
 use super::keys::Formulation;
+use super::laminate::no_layup;
 use super::linear::LinearSolids;
 use super::ordinary::Ordinary;
 use super::plasticity::ChosenFlow;
@@ -51,6 +52,11 @@ pub trait ElasticLaw: Debug + Send + Sync + erased_serde::Serialize {
 
     /// Whether the stress is in proportion to the strain.
     fn is_linear(&self) -> bool;
+
+    /// Whether the law is that of the plies of a lay-up. Its constants take the place of Young's modulus and Poisson's ratio.
+    fn is_of_plies(&self) -> bool {
+        false
+    }
 
     /// Checks the keys, and computes from them what the solid needs.
     ///
@@ -110,16 +116,7 @@ impl<L: BondLaw> ElasticLaw for OfBonds<L> {
     }
 
     fn solid(self: Box<Self>, parts: Parts<'_>) -> Result<Box<dyn Solid>, SetupError> {
-        let common = parts.constants.common();
-        let constants = common.map_err(|constant| {
-            let (name, body) = (key_of(parts.name), &parts.body.name);
-            let property = L::CONSTANTS[constant].property;
-            let message = format!("`{property}` is not one number for body `{body}`");
-            let expected = format!(
-                "the same number for all materials of the body: `{name}` does not change from point to point"
-            );
-            SetupError::value(name, message, expected)
-        })?;
+        let constants = common_constants(&parts, L::CONSTANTS)?;
         let Parts {
             body,
             family,
@@ -215,6 +212,25 @@ impl<L: PointLaw> ElasticLaw for OfPoints<L> {
         }
         with_strains(parts, Some(Box::new(self.0)))
     }
+}
+
+/// The constants of a law that does not change from point to point.
+///
+/// # Errors
+/// One in which materials differ, or which depends on the temperature.
+pub(super) fn common_constants(
+    parts: &Parts<'_>,
+    constants: &[Constant],
+) -> Result<Vec<f64>, SetupError> {
+    parts.constants.common().map_err(|constant| {
+        let (name, body) = (key_of(parts.name), &parts.body.name);
+        let property = constants[constant].property;
+        let message = format!("`{property}` is not one number for body `{body}`");
+        let expected = format!(
+            "the same number for all materials of the body: `{name}` does not change from point to point"
+        );
+        SetupError::value(name, message, expected)
+    })
 }
 
 /// The solid of a body in a formulation with strains at points, which follow a law or the linear one.
@@ -402,6 +418,27 @@ impl ChosenLaw {
             return refuse(message.into(), "no such strain");
         }
         Ok(())
+    }
+
+    /// Refuses plies without their law, their law without plies, and plies that break.
+    ///
+    /// # Errors
+    /// See above.
+    pub(super) fn check_plies(&self, body: &Body, breaks: bool) -> Result<(), SetupError> {
+        match (self.law.is_of_plies(), body.layers()) {
+            (true, Some(_)) if breaks => {
+                let message = "bonds of plies and between plies do not break yet";
+                Err(SetupError::value("fracture", message, "no `fracture`"))
+            }
+            (true, None) => Err(no_layup(body)),
+            (false, Some(_)) => {
+                let message = format!("body `{}` has a `layup`", body.name);
+                let expected =
+                    "`formulation = \"bond\"` with `law.lamina = {}`, or a body without plies";
+                Err(SetupError::value("law", message, expected))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The constants of the law in a body.

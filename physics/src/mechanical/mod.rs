@@ -63,6 +63,7 @@ pub mod interfaces;
 pub mod keys;
 #[cfg(test)]
 mod keys_tests;
+pub mod laminate;
 pub mod law;
 #[cfg(test)]
 mod law_tests;
@@ -159,7 +160,7 @@ impl Mechanical {
     }
 }
 
-perimelt_core::register_physics!("mechanical", Mechanical, supports: [Births, Cuts]);
+perimelt_core::register_physics!("mechanical", Mechanical, supports: [Births, Cuts, Layers]);
 
 /// A body that deforms.
 struct RunningMechanical {

@@ -151,6 +151,16 @@ impl Elasticity {
         })
     }
 
+    /// Isotropic moduli that bound those of a law with constants of its own, by its largest Young's modulus.
+    ///
+    /// # Errors
+    /// A material lacks the property.
+    pub fn bound(setup: &Setup<'_>, body: usize, property: &str) -> Result<Self, SetupError> {
+        let youngs_modulus = setup.world().property(body, property)?;
+        let dimension = setup.body(body).dimension;
+        Ok(Elasticity::bond_based(youngs_modulus, dimension))
+    }
+
     /// Young's moduli and the Poisson's ratio of a bond-based solid, in plane stress.
     pub fn bond_based(youngs_modulus: Vec<Property>, dimension: usize) -> Self {
         Elasticity {

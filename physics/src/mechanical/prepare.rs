@@ -38,6 +38,7 @@ pub(super) fn run(
     let law = ChosenLaw::of(keys.law.take(), keys.formulation())?;
     let keys = &*keys;
     let body = setup.find_body(keys.body.as_deref())?;
+    law.check_plies(setup.body(body), keys.fracture.is_some())?;
     growth::check(keys, setup, body)?;
     let layers = setup.layers(body, &keys::DISPLACEMENT);
     if keys.formulation() == Formulation::Staggered {
@@ -53,7 +54,14 @@ pub(super) fn run(
         section.check(setup, body)?;
     }
     let extrapolation = extrapolation(keys, setup.body(body), &family)?;
-    let constitution = constitution(keys, flow, setup, body, &family)?;
+    let elasticity = match law.law.is_of_plies() {
+        true => Elasticity::bound(setup, body, "youngs_modulus_1")?,
+        false => {
+            let bond_based = keys.formulation() == Formulation::Bond;
+            Elasticity::of(setup, body, keys.plane, bond_based)?
+        }
+    };
+    let constitution = constitution(keys, flow, setup, body, (&family, elasticity))?;
     let is_finite = constitution.finite;
     let damping = keys.solver.damping();
     let is_plastic = constitution.plasticity.is_some();
@@ -206,6 +214,19 @@ fn family(
         layers,
         audited: Vec::new(),
     };
+    let this = setup.body(body);
+    if let Some(layers) = this.layers() {
+        if !this.cuts.is_empty() {
+            let message = format!("body `{}` has a `layup`, and a crack cuts it", this.name);
+            return Err(SetupError::value(
+                "body",
+                message,
+                "a laminate without cracks",
+            ));
+        }
+        let plane = Family::build(layers.plane(), &spec);
+        return Ok(Arc::new(plane.map_err(|e| SetupError::new("horizon", e))?));
+    }
     if setup.world().is_growing(body) {
         return Ok(Arc::new(setup.own_family(body, &spec)?));
     }
@@ -219,7 +240,7 @@ fn constitution(
     flow: Option<ChosenFlow>,
     setup: &mut Setup<'_>,
     body: BodyIndex,
-    family: &Family,
+    (family, elasticity): (&Family, Elasticity),
 ) -> Result<Constitution, SetupError> {
     let bond_based = keys.formulation() == Formulation::Bond;
     if let (true, Some(flow)) = (bond_based, &flow) {
@@ -241,7 +262,7 @@ fn constitution(
         return Err(SetupError::value("fracture.once", message, expected));
     }
     Ok(Constitution {
-        elasticity: Elasticity::of(setup, body, keys.plane, bond_based)?,
+        elasticity,
         finite: keys.kinematics == Kinematics::Finite,
         in_motion: keys.solver.damping().is_some(),
         plasticity: match flow {

@@ -75,7 +75,7 @@ pub trait Solid: Debug + Sync {
     fn blocks(&mut self) -> &[[f64; 6]];
 
     /// Passes the elastic stiffness between a node and each node that it acts on to `receive`, N/m⁵, for the coarse space.
-    /// Solids with bonds pass nothing: their bonds are springs.
+    /// Solids whose bonds are those of a family of the body pass nothing: these are springs.
     fn couplings(&self, _node: usize, _receive: &mut dyn FnMut(Spring)) {}
 
     /// An upper bound of the eigenfrequencies of the body, whose layers follow `rules`, in any state of damage, rad/s;

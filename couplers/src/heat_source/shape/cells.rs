@@ -74,6 +74,11 @@ impl<'a> Cells<'a> {
                 };
                 (cloud.centres(), cover, body.bounds().into())
             }
+            (None, Discretisation::Layers(_)) => (
+                &body.points.position[..],
+                Cover::FullBox,
+                body.bounds().into(),
+            ),
             (None, Discretisation::Lattice(_)) => return None,
         };
         Some(Cells {

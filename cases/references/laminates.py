@@ -1,0 +1,151 @@
+"""Laminates by classical lamination theory [Jones1999], chapters 2 and 4, a strip by beams, and waves in three rods.
+
+Prints the numbers of the cases `lam-*`, which docs/theory/laminates.md explains. Angles in degrees from x towards y, plies from
+below, z from the middle.
+"""
+
+import math
+
+import numpy as np
+
+GRAPHITE_EPOXY = dict(e1=181e9, e2=10.3e9, nu12=0.28, g12=7.17e9, a1=0.02e-6, a2=22.5e-6)
+
+
+def matmul(a, b):
+    return (np.array(a) @ np.array(b)).tolist()
+
+
+def solve(matrix, right):
+    return np.linalg.solve(np.array(matrix), np.array(right)).tolist()
+
+
+def stiffness(ply, angle):
+    """Q of a ply in the axes of the laminate, for strains xx, yy, 2 xy."""
+    whole = 1 - ply["nu12"] ** 2 * ply["e2"] / ply["e1"]
+    q11, q22 = ply["e1"] / whole, ply["e2"] / whole
+    q12, q66 = ply["nu12"] * q22, ply["g12"]
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    turn = [[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]]
+    q = [[q11, q12, 0], [q12, q22, 0], [0, 0, q66]]
+    return matmul([list(row) for row in zip(*turn)], matmul(q, turn))
+
+
+def expansion(ply, angle):
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    a1, a2 = ply["a1"], ply["a2"]
+    return [a1 * c * c + a2 * s * s, a1 * s * s + a2 * c * c, 2 * (a1 - a2) * c * s]
+
+
+def laminate(ply, angles, thickness, rise=0.0, stations=None):
+    """[A, B; B, D] and the thermal load; exact, or by `stations` layers in each ply (1 or 2)."""
+    thicknesses = thickness if isinstance(thickness, list) else [thickness] * len(angles)
+    z = -sum(thicknesses) / 2
+    abd = [[0.0] * 6 for _ in range(6)]
+    load = [0.0] * 6
+    for angle, h in zip(angles, thicknesses):
+        middle = z + h / 2
+        second = {None: h**3 / 12, 1: 0.0, 2: h**3 / 12}[stations]
+        moments = [h, h * middle, h * middle**2 + second]
+        q = stiffness(ply, angle)
+        stress = [sum(q[i][j] * expansion(ply, angle)[j] for j in range(3)) * rise for i in range(3)]
+        for i in range(3):
+            load[i] += stress[i] * moments[0]
+            load[3 + i] += stress[i] * moments[1]
+            for j in range(3):
+                abd[i][j] += q[i][j] * moments[0]
+                abd[i][3 + j] += q[i][j] * moments[1]
+                abd[3 + i][j] += q[i][j] * moments[1]
+                abd[3 + i][3 + j] += q[i][j] * moments[2]
+        z += h
+    return abd, load
+
+
+def warped(angles, thickness=1e-3, rise=-100.0, ply=GRAPHITE_EPOXY, stations=None):
+    """Strains and curvatures (xx, yy, 2 xy) of a free laminate."""
+    return solve(*laminate(ply, angles, thickness, rise, stations))
+
+
+def modulus(angles, thickness=1e-3, ply=GRAPHITE_EPOXY):
+    """Young's modulus along x of a free laminate, which may bend."""
+    abd, _ = laminate(ply, angles, thickness)
+    height = thickness * len(angles)
+    return 1 / (height * solve(abd, [1, 0, 0, 0, 0, 0])[0])
+
+
+def strip():
+    """[NAFEMS2001], R0031/1: a strip under a line load of 10 N/mm between two lines.
+
+    Deflection by bending and by shear (m), bending stress of the surface at a quarter of the span and shear stress between the
+    two lowest plies (Pa). The strip is narrow: there is no moment but that along it.
+    """
+    ply = dict(e1=100e9, e2=5e9, nu12=0.4, g12=3e9, a1=0.0, a2=0.0)
+    shear_modulus = 2e9
+    angles, thickness = [0, 90, 0, 90, 0, 90, 0], [1e-4, 1e-4, 1e-4, 4e-4, 1e-4, 1e-4, 1e-4]
+    span, load = 30e-3, 10e3
+    abd, _ = laminate(ply, angles, thickness)
+    bent = solve(abd, [0, 0, 0, 1, 0, 0])
+    bending = load * span**3 / 48 * bent[3]
+
+    def modulus(angle):
+        # stress along the strip per moment and distance from the middle
+        return sum(q * k for q, k in zip(stiffness(ply, angle)[0], bent[3:]))
+
+    force, z, flow, energy, between = load / 2, -sum(thickness) / 2, 0.0, 0.0, []
+    parts = 1000
+    for angle, h in zip(angles, thickness):
+        for _ in range(parts):
+            dz = h / parts
+            change = modulus(angle) * (z + dz / 2) * dz
+            energy += (force * (flow + change / 2)) ** 2 / (2 * shear_modulus) * dz
+            flow, z = flow + change, z + dz
+        between.append(-force * flow)
+    # the energy of both halves is half of the work of the load
+    shear = 2 * energy * span / load
+    stress = load * span / 8 * modulus(0) * sum(thickness) / 2
+    return bending, shear, stress, between[0]
+
+
+def waves(times=(4e-6, 8e-6), cells=2000):
+    """[Gao2020], section 4.3.3.2 without heat: rods with shear between them, pulled by 1e14 Pa/s at one end.
+
+    Displacements (m) of the outer and the middle ply of [0/90/0] at 5, 10, 15, 20, 30 and 40 mm, by central differences.
+    """
+    q = stiffness(GRAPHITE_EPOXY, 0)
+    moduli = np.array([q[0][0], q[1][1], q[0][0]])[:, None]
+    density, shear, h, length = 1620.0, 1.308e9, 1e-3, 0.1
+    dx = length / cells
+    dt = 0.5 * dx / math.sqrt(q[0][0] / density)
+    # displacements at nodes, stresses between them
+    u, v = np.zeros((3, cells + 1)), np.zeros((3, cells + 1))
+    mass = np.full(cells + 1, density * dx)
+    mass[0] /= 2
+    found, time = {}, 0.0
+    for end in times:
+        while time < end - dt / 2:
+            stress = moduli * np.diff(u, axis=1) / dx
+            force = np.zeros_like(u)
+            force[:, :-1] += stress
+            force[:, 1:] -= stress
+            force[:, 0] -= 1e14 * time
+            between = shear / h**2 * np.diff(u, axis=0) * mass / density
+            force[:-1] += between
+            force[1:] -= between
+            v += dt * force / mass
+            v[:, -1] = 0
+            u += dt * v
+            time += dt
+        at = [round(x * 1e-3 / dx) for x in (5, 10, 15, 20, 30, 40)]
+        found[end] = u[0, at], u[1, at]
+    return found
+
+
+if __name__ == "__main__":
+    for angles in ([0, 90], [45, -45], [0, 45, -45, 90], [0, 90, 90, 0], [45, -45, -45, 45]):
+        print(angles, "cooled by 100 K:", " ".join(f"{x:.6e}" for x in warped(angles)))
+    print("[0, 90] by one station:", " ".join(f"{x:.6e}" for x in warped([0, 90], stations=1)))
+    for angles in ([0, 90], [0, 45, -45, 90]):
+        print(angles, f"E_x {modulus(angles):.6e} Pa")
+    print("[0, 90, 0] heated by 50 K:", " ".join(f"{x:.6e}" for x in warped([0, 90, 0], rise=50.0)[:2]))
+    print("strip: bending, shear (m), stress at a quarter of the span, shear stress (Pa):", strip())
+    for time, (outer, middle) in waves().items():
+        print(f"waves at {time} s: outer", outer, "middle", middle)

@@ -1,0 +1,273 @@
+//! Forces, stresses and energies of a laminate.
+
+use perimelt_core::Family;
+use perimelt_core::family::{AxisPlane, Mirrored};
+use rayon::prelude::*;
+
+use super::interface::Interface;
+use super::kernels::{
+    Dilatation, INPUTS, InterfaceEnergy, InterfaceForce, PRESSURE, PlyEnergy, PlyForce, PlyStress,
+    STRAIN, across,
+};
+use super::{Laminate, LayerSolid};
+use crate::mechanical::specialise::specialise;
+
+/// Kinematics, and whether strains are without their stress-free part.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Strained {
+    pub(super) finite: bool,
+    /// Otherwise strains are total ones.
+    pub(super) elastic: bool,
+}
+
+impl LayerSolid {
+    /// The inputs of the kernels; `zeros` take the place of the stress-free strain in total strains.
+    pub(super) fn inputs<'a>(&'a self, elastic: bool, zeros: &'a [f64]) -> [&'a [f64]; INPUTS] {
+        std::array::from_fn(
+            |input| match (STRAIN..PRESSURE).contains(&input) && !elastic {
+                true => zeros,
+                false => &self.slots[input],
+            },
+        )
+    }
+}
+
+impl Interface {
+    /// Stretch across the plies between two points without its stress-free part, and the direction of their bond.
+    fn across(
+        &self,
+        strained: Strained,
+        displacement: [[f64; 3]; 2],
+        free: [f64; 2],
+    ) -> (f64, [f64; 3]) {
+        let [lower, upper] = displacement;
+        let relative = std::array::from_fn(|a| upper[a] - lower[a]);
+        let free = match strained.elastic {
+            true => self.fractions[0] * free[0] + self.fractions[1] * free[1],
+            false => 0.0,
+        };
+        across(strained.finite, self.crossing.distance, relative, free)
+    }
+}
+
+/// Displacements of two layers, as inputs of their interface.
+pub(super) fn displacements<'a>(lower: &'a LayerSolid, upper: &'a LayerSolid) -> [&'a [f64]; 6] {
+    std::array::from_fn(|n| &[lower, upper][n / 3].slots[n % 3][..])
+}
+
+impl Laminate {
+    /// Loads the pressure of the dilatation in all layers, and passes the dilatation of each point to `receive`.
+    pub(super) fn load_pressure(
+        &mut self,
+        strained: Strained,
+        mut receive: impl FnMut(usize, f64, f64),
+    ) {
+        let points = self.points_of_layer();
+        for (number, layer) in self.layers.iter_mut().enumerate() {
+            if layer.dilatation == 0.0 {
+                continue;
+            }
+            let (plane, theta) = (&self.plane, &mut self.work.scalars);
+            let inputs = layer.inputs(strained.elastic, &self.zeros);
+            specialise!(FINITE = strained.finite => plane.sum(&Dilatation::<FINITE>, inputs, theta));
+            let a = layer.dilatation;
+            for (point, [theta]) in theta.iter().enumerate() {
+                receive(number * points + point, *theta, a);
+            }
+            let pressure = |point: usize| 2.0 * a * theta[point][0];
+            layer.slots[PRESSURE].load(plane, pressure, Mirrored::Scalar);
+        }
+    }
+
+    /// Force density of all bonds, N/m³.
+    pub(super) fn sum_forces(&mut self, strained: Strained, out: &mut [f64]) {
+        self.load_pressure(strained, |_, _, _| {});
+        let points = self.points_of_layer();
+        let (out, _) = out.as_chunks_mut::<3>();
+        for (layer, out) in self.layers.iter().zip(out.chunks_mut(points)) {
+            let inputs = layer.inputs(strained.elastic, &self.zeros);
+            let law = layer.bonds;
+            specialise!(FINITE = strained.finite => self.plane.sum(&PlyForce::<FINITE>(law), inputs, out));
+        }
+        for number in 0..self.interfaces.len() {
+            self.sum_interface(number, strained);
+            let (lower, upper) = out.split_at_mut((number + 1) * points);
+            let lower = lower[number * points..].par_iter_mut().with_min_len(4096);
+            let thickness = [number, number + 1].map(|l| 1.0 / self.layers[l].thickness);
+            let both = lower.zip(&mut upper[..points]).zip(&self.work.pairs);
+            both.for_each(|((lower, upper), force)| {
+                for axis in 0..3 {
+                    lower[axis] += thickness[0] * force[axis];
+                    upper[axis] += thickness[1] * force[3 + axis];
+                }
+            });
+        }
+    }
+
+    /// Forces of an interface on the points below and above it, per area, Pa.
+    pub(super) fn sum_interface(&mut self, number: usize, strained: Strained) {
+        let points = self.points_of_layer();
+        let interface = &self.interfaces[number];
+        let inputs = displacements(&self.layers[number], &self.layers[number + 1]);
+        let (crossing, sums) = (interface.crossing, &mut self.work.pairs);
+        specialise!(FINITE = strained.finite =>
+            self.plane.sum(&InterfaceForce::<FINITE>(crossing), inputs, sums));
+        let (displacement, free) = (&self.displacement, &self.across);
+        let each = sums.par_iter_mut().enumerate().with_min_len(4096);
+        each.for_each(|(point, force)| {
+            let both = [number * points + point, (number + 1) * points + point];
+            let free = both.map(|p| free[p]);
+            let (stretch, direction) =
+                interface.across(strained, both.map(|p| displacement[p]), free);
+            for axis in 0..3 {
+                let pull = interface.modulus * stretch * direction[axis];
+                force[axis] += pull;
+                force[3 + axis] -= pull;
+            }
+        });
+    }
+
+    /// Stress of each point: in the plane from its layer, across it the mean of the two interfaces beside it, which are
+    /// zero at the surfaces.
+    pub(super) fn sum_stress(&mut self, strained: Strained) {
+        self.sum_stress_of_layers(strained);
+        let points = self.points_of_layer();
+        for number in 0..self.interfaces.len() {
+            self.sum_interface(number, strained);
+            for (point, [x, y, z, ..]) in self.work.pairs.iter().enumerate() {
+                for layer in [number, number + 1] {
+                    let tensor = &mut self.base.tensors[layer * points + point];
+                    tensor[2] += 0.5 * z;
+                    tensor[4] += 0.5 * y;
+                    tensor[5] += 0.5 * x;
+                }
+            }
+        }
+    }
+
+    /// The stress conjugate to the stress-free strain of each point.
+    pub(super) fn sum_conjugate_stress(&mut self, finite: bool) {
+        let strained = Strained {
+            finite,
+            elastic: false,
+        };
+        self.sum_stress_of_layers(strained);
+        let points = self.points_of_layer();
+        for (number, interface) in self.interfaces.iter().enumerate() {
+            for point in 0..points {
+                let both = [number * points + point, (number + 1) * points + point];
+                let displacement = both.map(|p| self.displacement[p]);
+                let (stretch, _) = interface.across(strained, displacement, [0.0; 2]);
+                let stress = interface.modulus * interface.crossing.distance * stretch;
+                for (side, point) in both.into_iter().enumerate() {
+                    let thickness = self.layers[number + side].thickness;
+                    self.base.tensors[point][2] += stress * interface.fractions[side] / thickness;
+                }
+            }
+        }
+    }
+
+    /// Stress in the plane of each point by the bonds of its layer.
+    fn sum_stress_of_layers(&mut self, strained: Strained) {
+        self.load_pressure(strained, |_, _, _| {});
+        let points = self.points_of_layer();
+        let tensors = self.base.tensors.chunks_mut(points);
+        for (layer, tensors) in self.layers.iter().zip(tensors) {
+            let inputs = layer.inputs(strained.elastic, &self.zeros);
+            let (law, sums) = (layer.bonds, &mut self.work.vectors);
+            specialise!(FINITE = strained.finite => self.plane.sum(&PlyStress::<FINITE>(law), inputs, sums));
+            for (tensor, [xx, yy, xy]) in tensors.iter_mut().zip(sums) {
+                *tensor = [*xx, *yy, 0.0, *xy, 0.0, 0.0];
+            }
+        }
+    }
+
+    /// Energy density of each point, J/m³: half of that of an interface belongs to either side.
+    pub(super) fn sum_energy(&mut self, strained: Strained) {
+        let points = self.points_of_layer();
+        let mut energy = std::mem::take(&mut self.base.energy);
+        energy.fill([0.0; 2]);
+        self.load_pressure(strained, |point, theta, a| {
+            energy[point][0] = a * theta * theta
+        });
+        for (layer, energy) in self.layers.iter().zip(energy.chunks_mut(points)) {
+            let inputs = layer.inputs(strained.elastic, &self.zeros);
+            let (law, sums) = (layer.bonds, &mut self.work.scalars);
+            specialise!(FINITE = strained.finite => self.plane.sum(&PlyEnergy::<FINITE>(law), inputs, sums));
+            let both = energy.iter_mut().zip(sums);
+            both.for_each(|(energy, [sum])| energy[0] += *sum);
+        }
+        for (number, interface) in self.interfaces.iter().enumerate() {
+            let inputs = displacements(&self.layers[number], &self.layers[number + 1]);
+            let (crossing, sums) = (interface.crossing, &mut self.work.scalars);
+            specialise!(FINITE = strained.finite =>
+                self.plane.sum(&InterfaceEnergy::<FINITE>(crossing), inputs, sums));
+            for (point, [sum]) in sums.iter().enumerate() {
+                let both = [number * points + point, (number + 1) * points + point];
+                let (stretch, _) = interface.across(
+                    strained,
+                    both.map(|p| self.displacement[p]),
+                    both.map(|p| self.across[p]),
+                );
+                let of_opening = 0.5 * interface.modulus * crossing.distance * stretch * stretch;
+                for (layer, point) in [number, number + 1].into_iter().zip(both) {
+                    energy[point][0] += 0.5 * (sum + of_opening) / self.layers[layer].thickness;
+                }
+            }
+        }
+        self.base.energy = energy;
+    }
+
+    /// Passes each point below the plane and the force density of its bonds with points above the plane to `receive`.
+    pub(super) fn sum_across(
+        &mut self,
+        strained: Strained,
+        plane: AxisPlane,
+        receive: &mut dyn FnMut(usize, [f64; 3]),
+    ) {
+        if plane.axis == 2 {
+            return self.sum_across_layers(strained, plane.at, receive);
+        }
+        self.load_pressure(strained, |_, _, _| {});
+        let points = self.points_of_layer();
+        let family: &Family = &self.plane;
+        for (number, layer) in self.layers.iter().enumerate() {
+            let inputs = layer.inputs(strained.elastic, &self.zeros);
+            let law = layer.bonds;
+            let receive = |point: usize, force| receive(number * points + point, force);
+            specialise!(FINITE = strained.finite =>
+                family.sum_across(&PlyForce::<FINITE>(law), inputs, None, plane, receive));
+        }
+        for (number, interface) in self.interfaces.iter().enumerate() {
+            let inputs = displacements(&self.layers[number], &self.layers[number + 1]);
+            let crossing = interface.crossing;
+            let thickness = [number, number + 1].map(|layer| self.layers[layer].thickness);
+            let receive = |point: usize, [x, y, z, a, b, c]: [f64; 6]| {
+                let [lower, upper] = thickness;
+                receive(number * points + point, [x, y, z].map(|f| f / lower));
+                receive((number + 1) * points + point, [a, b, c].map(|f| f / upper));
+            };
+            specialise!(FINITE = strained.finite =>
+                family.sum_across(&InterfaceForce::<FINITE>(crossing), inputs, None, plane, receive));
+        }
+    }
+
+    /// [`Laminate::sum_across`] for a plane between two layers, at a position along z, m.
+    fn sum_across_layers(
+        &mut self,
+        strained: Strained,
+        at: f64,
+        receive: &mut dyn FnMut(usize, [f64; 3]),
+    ) {
+        let points = self.points_of_layer();
+        let below = self.heights.partition_point(|z| *z <= at);
+        let Some(number) = below.checked_sub(1).filter(|n| *n < self.interfaces.len()) else {
+            return;
+        };
+        self.sum_interface(number, strained);
+        let thickness = self.layers[number].thickness;
+        for (point, [x, y, z, ..]) in self.work.pairs.iter().enumerate() {
+            receive(number * points + point, [x, y, z].map(|f| f / thickness));
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! Laminates: bonds within each layer of a lay-up, and between layers.
+//!
+//! All layers have the family of one plane grid; what differs by ply is the stiffness of the bonds by their direction
+//! ([`weights`]), and whether they run along fibres. Within a layer a bond resists its stretch, and a point its dilatation; between two layers
+//! crossing pairs of bonds resist shear, and bonds between points above each other resist opening. Forces are the derivative of the energy of
+//! all of them ([`kernels`]; docs/theory/laminates.md).
+//!
+//! Near free edges the bonds have the stiffness of the interior times the correction of the family; bonds along the fibres
+//! have a correction of their own, as the rows of fibres end elsewhere than the family does.
+
+mod force;
+mod frequency;
+mod interface;
+mod kernels;
+mod law;
+mod solid;
+#[cfg(test)]
+mod tests;
+mod weights;
+
+use std::sync::Arc;
+
+use nalgebra::Matrix3;
+use perimelt_core::body::{Layer, Layers};
+use perimelt_core::family::{Mirrored, PointValues};
+use perimelt_core::{Body, Correction, Family, SetupError, SlotField, text};
+
+use super::base::{Properties, SolidBase};
+use super::solid::Constitution;
+use interface::Interface;
+use kernels::{FibreMoment, INPUTS};
+use law::PlyConstants;
+pub(super) use law::no_layup;
+pub use law::{Lamina, OfPlies};
+use weights::{CompleteFamily, NoBonds, PlyBonds};
+
+/// A layer of points.
+#[derive(Debug)]
+struct LayerSolid {
+    bonds: PlyBonds,
+    /// `a` of the dilatation, Pa.
+    dilatation: f64,
+    /// m.
+    thickness: f64,
+    /// Inputs of the kernels by slot of the plane.
+    slots: [SlotField; INPUTS],
+}
+
+/// The solid of a laminate.
+#[derive(Debug)]
+pub struct Laminate {
+    base: SolidBase,
+    /// The family of each layer.
+    plane: Arc<Family>,
+    layers: Vec<LayerSolid>,
+    interfaces: Vec<Interface>,
+    /// Position of each layer along z, m.
+    heights: Vec<f64>,
+    /// By point and axis, m.
+    displacement: Vec<[f64; 3]>,
+    /// Stress-free strain across the plies, by point.
+    across: Vec<f64>,
+    /// Takes the place of the stress-free strain in a change of the force.
+    zeros: SlotField,
+    /// Sums over the bonds of a layer.
+    work: Work,
+    blocks: Vec<[f64; 6]>,
+    gradients: Vec<Matrix3<f64>>,
+}
+
+/// Sums over the bonds of a layer, by point of the plane.
+#[derive(Debug)]
+struct Work {
+    scalars: Vec<[f64; 1]>,
+    vectors: Vec<[f64; 3]>,
+    pairs: Vec<[f64; 6]>,
+}
+
+impl Work {
+    fn new(points: usize) -> Self {
+        Work {
+            scalars: vec![[0.0]; points],
+            vectors: vec![[0.0; 3]; points],
+            pairs: vec![[0.0; 6]; points],
+        }
+    }
+}
+
+/// What is wrong with a ply whose bonds have no positive stiffness.
+fn refusal(layers: &Layers, layer: &Layer, reason: NoBonds) -> SetupError {
+    let angle = text::number(layers.plies()[layer.ply].angle.to_degrees(), 5);
+    match reason {
+        NoBonds::TooFew => SetupError::value(
+            "horizon",
+            "the horizon holds bonds in too few directions for a ply",
+            "2 spacings or more, usually 3",
+        ),
+        NoBonds::Negative {
+            angle: bond,
+            has_fibres,
+        } => {
+            let why = match has_fibres {
+                true => "",
+                false => ", and no bond of the lattice runs along its fibres",
+            };
+            let message = format!(
+                "a ply at {angle} degrees would have bonds of negative stiffness at {bond:.1} degrees from its fibres{why}"
+            );
+            SetupError::value(
+                "law.lamina",
+                message,
+                "plies at 0, 90, 45 or -45 degrees, or moduli that differ less by direction",
+            )
+        }
+    }
+}
+
+impl Laminate {
+    /// The solid of a body with a lay-up, whose layers have the bonds of `plane`.
+    ///
+    /// # Errors
+    /// A ply or an interface whose bonds have no positive stiffness.
+    fn new(
+        body: &Body,
+        layers: &Layers,
+        plane: Arc<Family>,
+        constitution: Constitution,
+        constants: &PlyConstants,
+    ) -> Result<Self, SetupError> {
+        let spacing = body.finest_spacing();
+        let complete = CompleteFamily::new(spacing, plane.spec());
+        let complete = complete.map_err(|e| SetupError::new("horizon", e))?;
+        let reduced = constants.ply.reduced();
+        let solid_of = |layer: &Layer| {
+            let (sin, cos) = layers.plies()[layer.ply].angle.sin_cos();
+            let bonds = PlyBonds::new(&complete, [cos, sin], &reduced);
+            let bonds = bonds.map_err(|reason| refusal(layers, layer, reason))?;
+            let mut slots: [SlotField; INPUTS] = std::array::from_fn(|_| SlotField::zeros(&plane));
+            let factors = fibre_factors(&plane, &complete, &bonds);
+            let factors = |point: usize| factors.get(point).copied().unwrap_or(1.0);
+            slots[kernels::FIBRE].load(&plane, factors, Mirrored::Scalar);
+            Ok(LayerSolid {
+                bonds,
+                dilatation: reduced.dilatation(),
+                thickness: layer.thickness,
+                slots,
+            })
+        };
+        let solids: Result<Vec<LayerSolid>, SetupError> =
+            layers.layers().iter().map(solid_of).collect();
+        let pairs = layers.layers().windows(2);
+        let interfaces: Result<Vec<Interface>, SetupError> = pairs
+            .map(|pair| Interface::new(layers, [&pair[0], &pair[1]], &complete, constants))
+            .collect();
+        let properties = Properties {
+            bonds_shear: true,
+            has_symmetric_plastic_tangent: true,
+            has_finite_tangent: false,
+        };
+        // the family of the base is that of points of the body, and these are points of the plane
+        let mut base = SolidBase::new(body, Arc::default(), constitution, properties);
+        let horizon = plane.spec().horizon.of(spacing);
+        base.horizons.fill(horizon);
+        let points = body.points.len();
+        Ok(Laminate {
+            base,
+            layers: solids?,
+            interfaces: interfaces?,
+            heights: layers.layers().iter().map(|layer| layer.z).collect(),
+            displacement: vec![[0.0; 3]; points],
+            across: vec![0.0; points],
+            zeros: SlotField::zeros(&plane),
+            work: Work::new(layers.points_of_layer()),
+            blocks: vec![[0.0; 6]; points],
+            gradients: vec![Matrix3::zeros(); points],
+            plane,
+        })
+    }
+
+    /// Number of points of a layer.
+    fn points_of_layer(&self) -> usize {
+        self.plane.points()
+    }
+
+    /// Loads values of the points of a layer into one of its inputs.
+    fn load(&mut self, layer: usize, input: usize, values: impl PointValues) {
+        let slots = &mut self.layers[layer].slots[input];
+        slots.load(&self.plane, values, Mirrored::Scalar);
+    }
+}
+
+/// Factors that give the fibres of each point the stiffness of a complete row, where the family is corrected at surfaces;
+/// empty where it is not.
+fn fibre_factors(plane: &Family, complete: &CompleteFamily, bonds: &PlyBonds) -> Vec<f64> {
+    let is_corrected = matches!(
+        plane.spec().correction,
+        Correction::Point | Correction::Uniaxial | Correction::Balanced
+    );
+    if !is_corrected || !bonds.has_fibres() {
+        return Vec::new();
+    }
+    let mut sums = vec![[0.0]; plane.points()];
+    plane.sum(&FibreMoment(*bonds), [], &mut sums);
+    let target = complete.moment_along(bonds.fibre);
+    let factor = |&[sum]: &[f64; 1]| if sum > 0.0 { target / sum } else { 0.0 };
+    sums.iter().map(factor).collect()
+}

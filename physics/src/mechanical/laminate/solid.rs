@@ -1,0 +1,188 @@
+//! What the solvers ask of a laminate.
+
+use nalgebra::Matrix3;
+use perimelt_core::family::{AxisPlane, LayerRule};
+use rayon::prelude::*;
+
+use super::Laminate;
+use super::force::Strained;
+use super::kernels::{PlaneGradient, STRAIN};
+use crate::mechanical::base::SolidBase;
+use crate::mechanical::deformation::Deformation;
+use crate::mechanical::fracture::{FractureState, NewBreaks};
+use crate::mechanical::solid::{
+    EnergyKind, Evaluated, PointStates, Solid, Stiffness, StressFreeStrain, StressKind, Wanted,
+};
+
+impl Laminate {
+    fn strained(&self) -> Strained {
+        Strained {
+            finite: self.base.is_finite(),
+            elastic: true,
+        }
+    }
+
+    /// Loads the stress-free strain of all layers.
+    fn load_strain(&mut self) {
+        let points = self.points_of_layer();
+        let elastic = &self.base.elastic;
+        let strain = |point: usize| {
+            let mut strain = elastic.prescribed.get(point).copied().unwrap_or_default();
+            let isotropic = elastic.eigenstrain[point];
+            strain[..3].iter_mut().for_each(|e| *e += isotropic);
+            strain
+        };
+        let all: Vec<[f64; 6]> = (0..self.across.len()).into_par_iter().map(strain).collect();
+        for (across, strain) in self.across.iter_mut().zip(&all) {
+            *across = strain[2];
+        }
+        for layer in 0..self.layers.len() {
+            let first = layer * points;
+            for (input, component) in (STRAIN..).zip([0, 1, 3]) {
+                self.load(layer, input, |point: usize| all[first + point][component]);
+            }
+        }
+    }
+
+    fn set_stress_free(&mut self, stress_free: StressFreeStrain<'_>) -> bool {
+        self.base.elastic.set_stress_free(stress_free)
+    }
+
+    fn load_gradients(&mut self) {
+        let points = self.points_of_layer();
+        for (number, layer) in self.layers.iter().enumerate() {
+            let inputs = layer.inputs(true, &self.zeros);
+            self.plane.sum(&PlaneGradient, inputs, &mut self.work.pairs);
+            let gradients = self.gradients[number * points..].iter_mut();
+            for (gradient, sums) in gradients.zip(&self.work.pairs) {
+                *gradient = Matrix3::zeros();
+                (0..6).for_each(|c| gradient[(c % 3, c / 3)] = sums[c]);
+            }
+        }
+    }
+}
+
+impl Solid for Laminate {
+    fn base(&self) -> &SolidBase {
+        &self.base
+    }
+
+    fn base_mut(&mut self) -> &mut SolidBase {
+        &mut self.base
+    }
+
+    fn set_points(&mut self, states: PointStates<'_>) {
+        let PointStates {
+            moduli,
+            eigenstrain,
+            stress_free,
+            present,
+        } = states;
+        assert!(
+            present.is_none(),
+            "set-up refuses births of points in layers"
+        );
+        if let Some(moduli) = moduli {
+            self.base.set_moduli(moduli);
+        }
+        let changed = eigenstrain.is_some_and(|e| self.base.elastic.set_eigenstrain(e));
+        let turned = stress_free.is_some_and(|e| self.set_stress_free(e));
+        if changed || turned {
+            self.load_strain();
+        }
+    }
+
+    fn set_displacement(&mut self, displacement: &[f64], _rules: &[LayerRule]) {
+        let points = self.points_of_layer();
+        for layer in 0..self.layers.len() {
+            let values = &displacement[3 * layer * points..];
+            for axis in 0..3 {
+                self.load(layer, axis, |point: usize| values[3 * point + axis]);
+            }
+        }
+        let (nodes, _) = displacement.as_chunks::<3>();
+        self.displacement.copy_from_slice(nodes);
+    }
+
+    fn deformation(&mut self) -> Deformation<'_> {
+        self.load_gradients();
+        Deformation::Gradients(&self.base, &self.gradients)
+    }
+
+    fn evaluate(&mut self, wanted: Wanted<'_>) -> Evaluated<'_> {
+        let Wanted {
+            force,
+            stress,
+            energy,
+            gradient,
+        } = wanted;
+        let strained = self.strained();
+        if let Some(out) = force {
+            self.sum_forces(strained, out);
+        }
+        match energy {
+            Some(EnergyKind::Elastic) => self.sum_energy(strained),
+            Some(EnergyKind::Total) => {
+                self.sum_energy(Strained {
+                    elastic: false,
+                    ..strained
+                });
+                self.sum_conjugate_stress(strained.finite);
+                let SolidBase {
+                    energy, tensors, ..
+                } = &mut self.base;
+                for ([_, conjugate], [xx, yy, zz, ..]) in energy.iter_mut().zip(tensors) {
+                    *conjugate = *xx + *yy + *zz;
+                }
+            }
+            None => {}
+        }
+        match stress {
+            Some(StressKind::Spatial) => self.sum_stress(strained),
+            Some(StressKind::Conjugate) => self.sum_conjugate_stress(strained.finite),
+            Some(StressKind::Material) | None => {}
+        }
+        if gradient {
+            self.load_gradients();
+        }
+        Evaluated {
+            stress: self.base.stress_of(stress),
+            energy: self.base.energy_of(energy),
+            gradient: if gradient { &self.gradients } else { &[] },
+            smoothing: &[],
+        }
+    }
+
+    fn linearise(&mut self, _damping: f64) {}
+
+    /// The law is linear: both kinds are the same.
+    fn stiffness(&mut self, _kind: Stiffness, out: &mut [f64]) {
+        let strained = Strained {
+            finite: false,
+            elastic: false,
+        };
+        self.sum_forces(strained, out);
+        out.iter_mut().for_each(|force| *force = -*force);
+    }
+
+    fn blocks(&mut self) -> &[[f64; 6]] {
+        self.load_blocks();
+        &self.blocks
+    }
+
+    fn largest_frequency(&mut self, density: &[f64], _rules: &[LayerRule]) -> f64 {
+        self.largest_square(density).sqrt()
+    }
+
+    fn replace_fracture_state(&mut self, _state: FractureState) -> Option<FractureState> {
+        None
+    }
+
+    fn break_bonds(&mut self, _fraction: f64, _damage: &mut [f64]) -> NewBreaks {
+        NewBreaks::default()
+    }
+
+    fn force_across(&mut self, plane: AxisPlane, receive: &mut dyn FnMut(usize, [f64; 3])) {
+        self.sum_across(self.strained(), plane, receive);
+    }
+}

@@ -1,0 +1,152 @@
+//! Mistakes that a user makes about laminates, and what the user is told; the messages are in `snapshots/`.
+
+use std::path::Path;
+
+use perimelt::case::Case;
+use perimelt::run::Failure;
+
+const PLATE: &str = r#"[bodies.plate]
+shape.box = { min = [0, 0, 0], max = [0.01, 0.01, 0.002] }
+spacing = 0.001
+layup = { angles = [0, 90] }
+material = "ply"
+regions.end.box = { min = [0.009, 0, 0], max = [0.01, 0.01, 0.002] }
+
+[materials.ply]
+density = 1620
+youngs_modulus_1 = 181e9
+youngs_modulus_2 = 10.3e9
+youngs_modulus_3 = 3.4e9
+poissons_ratio_12 = 0.28
+shear_modulus_12 = 7.17e9
+shear_modulus_13 = 1.308e9
+shear_modulus_23 = 1.308e9
+thermal_expansion = { axes = [0.02e-6, 22.5e-6, 63e-6] }
+
+[[physics]]
+type = "mechanical"
+law.lamina = {}
+
+[[couplers]]
+type = "thermal_expansion"
+temperature = "300 + 10 * x * t"
+reference_temperature = 300
+
+[time]
+end = 1
+step = 1
+
+[log]
+interval = 1
+"#;
+
+fn check(text: String) -> Result<(), Failure> {
+    let case = Case::parse("plate.toml", text, Path::new(""))?;
+    let mut simulation = case.compose()?;
+    case.start(&mut simulation)?;
+    Ok(())
+}
+
+/// What is said about the case with `right` replaced by `wrong`.
+fn told(right: &str, wrong: &str) -> String {
+    assert_eq!(PLATE.matches(right).count(), 1, "`{right}` is there once");
+    match check(PLATE.replace(right, wrong)) {
+        Err(Failure::Case(mistake)) => mistake.render(false),
+        other => panic!("{wrong}: {other:?}"),
+    }
+}
+
+fn all(changes: &[(&str, &str)]) -> String {
+    let told: Vec<String> = changes
+        .iter()
+        .map(|(right, wrong)| told(right, wrong))
+        .collect();
+    told.join("\n\n")
+}
+
+#[test]
+fn the_case_itself_is_right() {
+    check(PLATE.to_string()).unwrap_or_else(|e| panic!("{e:?}"));
+}
+
+#[test]
+fn lay_ups_that_do_not_fit() {
+    insta::assert_snapshot!(all(&[
+        (
+            "angles = [0, 90]",
+            "angles = [0, 90], ply_thickness = [1e-3, 2e-3]"
+        ),
+        (
+            "angles = [0, 90]",
+            "angles = [0, 90], ply_thickness = [1e-3]"
+        ),
+        (
+            "angles = [0, 90]",
+            "angles = [0, 90], ply_thickness = [2e-3, 0]"
+        ),
+        ("angles = [0, 90]", "angles = []"),
+        ("angles = [0, 90]", "angels = [0, 90]"),
+        ("angles = [0, 90]", "angles = [0, 90], stations = \"three\""),
+        ("spacing = 0.001\n", "spacing = 0.001\ndimension = 2\n"),
+        (
+            "spacing = 0.001\n",
+            "spacing = 0.001\njitter = { amplitude = 0.1 }\n"
+        ),
+        (
+            "material = \"ply\"\n",
+            "material = \"ply\"\ninitial.orientation.angle = 30\n"
+        ),
+    ]));
+}
+
+#[test]
+fn plies_that_have_no_bonds() {
+    insta::assert_snapshot!(all(&[
+        ("angles = [0, 90]", "angles = [0, 30]"),
+        ("law.lamina = {}", "law.lamina = {}\nhorizon = 1"),
+        ("angles = [0, 90]", "angles = [0], stations = \"one\""),
+        ("shear_modulus_13 = 1.308e9", "shear_modulus_13 = 9e9"),
+        ("poissons_ratio_12 = 0.28", "poissons_ratio_12 = 4.3"),
+        ("youngs_modulus_2 = 10.3e9\n", ""),
+        (
+            "shear_modulus_12 = 7.17e9",
+            "shear_modulus_12 = { temperature = [300, 400], value = [7e9, 6e9] }"
+        ),
+    ]));
+}
+
+#[test]
+fn what_plies_do_not_support() {
+    insta::assert_snapshot!(all(&[
+        ("law.lamina = {}", "law.lamnia = {}"),
+        (
+            "law.lamina = {}",
+            "law.lamina = { classes = \"published\" }"
+        ),
+        ("law.lamina = {}", "law.linear = {}"),
+        ("law.lamina = {}", "formulation = \"staggered\""),
+        (
+            "law.lamina = {}",
+            "formulation = \"ordinary\"\nlaw.lamina = {}"
+        ),
+        ("law.lamina = {}", "law.lamina = {}\nflow.j2 = {}"),
+        ("law.lamina = {}", "law.lamina = {}\nfracture = {}"),
+        ("layup = { angles = [0, 90] }\n", ""),
+        (
+            "[[couplers]]\n",
+            "[[physics]]\ntype = \"thermal\"\n[[couplers]]\n"
+        ),
+        (
+            "[[couplers]]\n",
+            "[[couplers]]\ntype = \"deformation_heat\"\n[[couplers]]\n"
+        ),
+        (
+            "[[couplers]]\n",
+            "[[couplers]]\ntype = \"insulated_crack\"\nfrom = [0, 0.005]\nto = [0.005, 0.005]\n[[couplers]]\n"
+        ),
+        (
+            "[[couplers]]\n",
+            "[[couplers]]\ntype = \"prescribed_displacement\"\nface = \"x-\"\nx = 0\n[[couplers]]\n"
+        ),
+    ]));
+}
