@@ -60,7 +60,8 @@ impl Projection {
                 _ => phase.find::<3>(bonds, &mut self.slots),
             }
         }
-        self.apply_tension();
+        self.load_frozen(density);
+        self.load_tension();
     }
 
     /// Finds the velocity behind the surfaces of bodies that are walls.
@@ -248,6 +249,10 @@ impl Projection {
                 }
             }
             *acceleration = Vector3::zeros();
+            if state.frozen.get(i) == Some(&true) {
+                *predicted = Vector3::zeros();
+                return;
+            }
             for a in 0..self.dimension {
                 acceleration[a] = terms.body_acceleration(i, a);
             }
@@ -275,6 +280,7 @@ impl Projection {
         let middle = std::mem::take(&mut self.middle);
         self.find_carried::<D, C, O>(terms, layer, &middle);
         self.middle = middle;
+        self.find_frozen();
         self.set_tension();
         self.find_interface(density);
         self.find_surface_force::<D>(density);

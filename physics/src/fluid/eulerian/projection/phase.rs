@@ -155,11 +155,7 @@ impl Phase {
             );
         }
         (self.wetting).set_curvature(bonds, &self.distance, eps, &mut self.curvature);
-        let gamma = self.pair.surface_tension;
         let fraction = &self.fraction;
-        let curvature = &self.curvature;
-        let tension = |i: usize| -gamma * curvature[i][0];
-        slots.tension.load(family, tension, Mirrored::Scalar);
         let step = |i: usize| {
             let c = fraction[i];
             c * c * (3.0 - 2.0 * c)
