@@ -75,6 +75,9 @@ struct Vapour {
 impl Vapour {
     /// `p_0 exp[(L_v M/R)(1/T_b - 1/T)]` at a temperature (K), Pa.
     fn saturation(&self, temperature: f64) -> f64 {
+        if temperature <= 0.0 {
+            return 0.0;
+        }
         let exponent = self.heat * self.molar_mass / GAS;
         ATMOSPHERE * (exponent * (1.0 / self.boiling - 1.0 / temperature)).exp()
     }
@@ -232,8 +235,12 @@ impl RunningEvaporation {
                     let c = c.clamp(0.0, 1.0);
                     let capacity = c * first.capacity(t) + (1.0 - c) * second.capacity(t);
                     let limit = capacity * vapour.scale(t);
-                    let heat = vapour.heat * vapour.mass_flux(t, escape) * slope * dt;
-                    *mass = limit * (heat / limit).ln_1p() / (vapour.heat * dt);
+                    let rate = vapour.mass_flux(t, escape) * slope;
+                    let cooling = vapour.heat * rate * dt / limit;
+                    *mass = match cooling > 0.0 {
+                        true => rate * cooling.ln_1p() / cooling,
+                        false => rate,
+                    };
                 }
             });
     }
@@ -275,7 +282,7 @@ impl RunningCoupler for RunningEvaporation {
             mass: before.mass + rate * step.size,
             power: heat * rate,
             energy: before.energy + heat * rate * step.size,
-            pressure: self.recoil * self.vapour.saturation(hottest.max(1.0)),
+            pressure: self.recoil * self.vapour.saturation(hottest),
             surface: if area > 0.0 { mean / area } else { 0.0 },
             hottest,
         };
@@ -387,7 +394,7 @@ mod tests {
             set(&mut world, &keys::INTERFACE_PRESSURE, |_| 0.0);
             // in a step without a change of the temperature
             evaporation
-                .apply(&world, Step::new(0.0, 1e-9))
+                .apply(&world, Step::new(0.0, 0.0))
                 .expect("applies");
             let flux = 0.82 * saturation * (0.056 / (2.0 * PI * GAS * temperature)).sqrt();
             let taken = -total(&world, &keys::HEAT_SOURCE);

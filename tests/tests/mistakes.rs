@@ -724,3 +724,79 @@ fn mistakes_of_two_fluids() {
     .map(|(right, wrong)| told(right, wrong));
     insta::assert_snapshot!(all.join("\n\n"));
 }
+
+const SPOT: &str = include_str!("../../cases/verification/laser-spot.toml");
+
+/// Mistakes of a body of metal and gas: what is changed in a case that runs, and what is told.
+#[test]
+fn mistakes_of_metal_and_gas() {
+    let melting = "library = \"316L\"\nviscosity = 5e-3";
+    let gas = "density = 80\nspecific_heat = 1000";
+    let fluids = "fluids = [\"steel\", \"argon\"]";
+    let penetration = "penetration = \"interface\"";
+    let mut told = String::new();
+    for (name, right, wrong) in [
+        ("no two fluids", fluids, ""),
+        (
+            "gas in front",
+            fluids,
+            "fluids = [\"argon\", \"steel\"]\ninterface = { surface_tension = 1.5 }",
+        ),
+        (
+            "melting at one temperature",
+            melting,
+            "library = \"316L\"\nviscosity = 5e-3\nsolidus = 1700\nliquidus = 1700",
+        ),
+        ("light gas", gas, "density = 1.6\nspecific_heat = 520"),
+        (
+            "apparent heat",
+            "type = \"phase_change\"",
+            "type = \"phase_change\"\nform = \"apparent\"",
+        ),
+        (
+            "no vapour",
+            melting,
+            "density = 7900\nspecific_heat = 700\nconductivity = 30\nviscosity = 5e-3\nsurface_tension = 1.5\nsolidus = 1658\nliquidus = 1723\nlatent_heat = 2.7e5\nboiling_temperature = 3090\nvaporisation_heat = 7e6",
+        ),
+        ("viscosity by temperature", melting, "library = \"316L\""),
+        (
+            "recoil above 1",
+            "type = \"evaporation\"",
+            "type = \"evaporation\"\nrecoil = 54",
+        ),
+        (
+            "unknown key",
+            "type = \"evaporation\"",
+            "type = \"evaporation\"\nrecoil_pressure = 0.5",
+        ),
+        (
+            "beam with a depth",
+            penetration,
+            "penetration = \"interface\"\npenetration_depth = 1e-5",
+        ),
+        (
+            "beam without a depth",
+            penetration,
+            "penetration = \"uniform\"",
+        ),
+        (
+            "inclined beam",
+            "heated_surface.face = \"y+\"",
+            "heated_surface = { face = \"y+\", direction = [1, -1, 0] }",
+        ),
+        (
+            "step above that of capillary waves",
+            fluids,
+            "fluids = [\"steel\", \"argon\"]\nstep = 2e-7",
+        ),
+    ] {
+        assert_eq!(SPOT.matches(right).count(), 1, "`{right}` is there once");
+        let message = match check(SPOT.replace(right, wrong)) {
+            Err(Failure::Case(mistake)) => mistake.render(false),
+            Err(other) => other.to_string(),
+            Ok(()) => panic!("{name}: accepted"),
+        };
+        told += &format!("{name}\n{message}\n\n");
+    }
+    insta::assert_snapshot!(told);
+}

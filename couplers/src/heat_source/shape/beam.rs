@@ -48,6 +48,8 @@ pub struct Beam {
 pub(super) struct Scratch {
     pub(super) lateral: Vec<f64>,
     pub(super) depth: Vec<f64>,
+    /// Depths of columns, in layers.
+    pub(super) depths: Vec<f64>,
     along: [Vec<f64>; 2],
     /// Cells of a body without a lattice, and their parts of the power.
     pub(super) parts: Vec<(usize, f64)>,

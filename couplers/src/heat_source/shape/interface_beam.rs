@@ -5,11 +5,14 @@
 //! The square moves the heat to the metal's side of the layer: each cell of the layer gets heat in proportion to the metal in it times
 //! the gradient of c, so that cells that are mostly gas do not overheat.
 
+use std::ops::Range;
+
+use perimelt_core::{Face, SetupError};
+
 use super::beam::{MOST_CELLS, Scratch, Span, inside};
 use super::profile::Footprint;
 use super::{CellGrid, CellSampling, Deposit, HeatedBody, check_cells};
 use crate::toolpath::Pose;
-use perimelt_core::SetupError;
 
 /// Largest fraction in a column from which on it counts as one with metal.
 const METAL: f64 = 0.5;
@@ -19,8 +22,70 @@ const METAL: f64 = 0.5;
 pub struct InterfaceBeam {
     pub(super) footprint: Footprint,
     pub(super) sampled: CellSampling,
+    /// Absorptivity of the flat surface, where a depression absorbs what its walls reflect.
+    pub(super) reflecting: Option<f64>,
     /// Key of the greatest lateral length.
     pub(super) widest_key: &'static str,
+}
+
+/// The columns of a body along a beam.
+struct Columns<'a, B: ?Sized> {
+    body: &'a B,
+    face: Face,
+    /// Lateral axes.
+    axes: [usize; 2],
+    spans: [Span; 2],
+}
+
+impl<B: HeatedBody + ?Sized> Columns<'_, B> {
+    /// Ranges of the columns that lie on the body.
+    fn ranges(&self) -> [Range<usize>; 2] {
+        let dims = self.body.grid().dims;
+        [0, 1].map(|a| {
+            let Span { first, count, .. } = self.spans[a];
+            inside(first, count, dims[self.axes[a]])
+        })
+    }
+
+    fn layers(&self) -> usize {
+        self.body.grid().dims[self.face.axis()]
+    }
+
+    /// The point in a layer of a column; layers count from the side of the beam.
+    fn point(&self, [i, j]: [usize; 2], layer: usize) -> Option<usize> {
+        let mut cell = [0; 3];
+        cell[self.face.axis()] = match self.face.is_upper() {
+            true => self.layers() - 1 - layer,
+            false => layer,
+        };
+        cell[self.axes[0]] = (self.spans[0].first + i as i64) as usize;
+        cell[self.axes[1]] = (self.spans[1].first + j as i64) as usize;
+        self.body.point(cell)
+    }
+
+    /// Fills in the squares of the fraction in the layers of a column, and returns the largest one; `None` without metal.
+    fn load(&self, column: [usize; 2], squares: &mut Vec<f64>) -> Option<f64> {
+        squares.clear();
+        squares.extend((0..self.layers()).map(|layer| {
+            let point = self.point(column, layer);
+            let fraction = point.and_then(|point| self.body.first_fluid(point));
+            fraction.map_or(0.0, |c| c.clamp(0.0, 1.0).powi(2))
+        }));
+        let largest = squares.iter().copied().fold(0.0, f64::max);
+        (largest >= METAL * METAL).then_some(largest)
+    }
+
+    /// Depth of the surface of a column below the side of the beam, in layers: the mean over what it absorbs.
+    fn depth(&self, column: [usize; 2], squares: &mut Vec<f64>) -> Option<f64> {
+        let largest = self.load(column, squares)?;
+        let (mut above, mut depth) = (0.0, 0.0);
+        for (layer, square) in squares.iter().enumerate() {
+            let rise = f64::max(square - above, 0.0);
+            depth += rise / largest * (layer as f64 + 0.5);
+            above += rise;
+        }
+        Some(depth)
+    }
 }
 
 impl InterfaceBeam {
@@ -46,49 +111,38 @@ impl InterfaceBeam {
     ) -> Deposit {
         let grid = *body.grid();
         let face = self.sampled.heated_surface.face;
-        let depth_axis = face.axis();
-        let axes = [(depth_axis + 1) % 3, (depth_axis + 2) % 3];
+        let axes = [(face.axis() + 1) % 3, (face.axis() + 2) % 3];
         let travel = self.footprint.travel(axes.map(|axis| pose.direction[axis]));
         let reach = self.footprint.half_lengths(travel);
         let spans = [0, 1].map(|i| Span::new(&grid, axes[i], pose.position[axes[i]], reach[i]));
         let sampling = self.sampled.sampling;
         self.footprint.fill_parts(&spans, travel, sampling, scratch);
+        let columns = Columns {
+            body,
+            face,
+            axes,
+            spans,
+        };
+        let power = power * self.gain(&columns, pose, scratch);
         let all: f64 = scratch.lateral.iter().sum();
         let scale = match self.sampled.normalise && all > 0.0 {
             true => power / all,
             false => power,
         };
-        let rows = inside(spans[1].first, spans[1].count, grid.dims[axes[1]]);
-        let columns = inside(spans[0].first, spans[0].count, grid.dims[axes[0]]);
-        let layers = grid.dims[depth_axis];
+        let [across, rows] = columns.ranges();
         let mut hit = 0.0;
         for j in rows {
-            for i in columns.clone() {
-                let part = scratch.lateral[j * spans[0].count + i];
-                let point = |layer: usize| {
-                    let mut cell = [0; 3];
-                    cell[depth_axis] = match face.is_upper() {
-                        true => layers - 1 - layer,
-                        false => layer,
-                    };
-                    cell[axes[0]] = (spans[0].first + i as i64) as usize;
-                    cell[axes[1]] = (spans[1].first + j as i64) as usize;
-                    body.point(cell)
-                };
+            for i in across.clone() {
+                let part = scratch.lateral[j * columns.spans[0].count + i];
                 let squares = &mut scratch.depth;
-                squares.clear();
-                squares.extend((0..layers).map(|layer| {
-                    let fraction = point(layer).and_then(|point| body.first_fluid(point));
-                    fraction.map_or(0.0, |c| c.clamp(0.0, 1.0).powi(2))
-                }));
-                let largest = squares.iter().copied().fold(0.0, f64::max);
-                if largest < METAL * METAL {
+                let Some(largest) = columns.load([i, j], squares) else {
                     continue;
-                }
+                };
                 let mut above = 0.0;
                 for (layer, square) in squares.iter().enumerate() {
                     let rise = square - above;
-                    if let Some(point) = point(layer).filter(|_| rise > 0.0) {
+                    let point = columns.point([i, j], layer);
+                    if let Some(point) = point.filter(|_| rise > 0.0) {
                         values[point] += scale * part * rise / (largest * body.volume(point));
                         above = *square;
                     }
@@ -106,6 +160,62 @@ impl InterfaceBeam {
             asked: power,
             deposited: scale * hit,
             lost,
+        }
+    }
+
+    /// Absorptivity of the depression over that of the flat surface: `1 / (A + (1 - A) s/S)` with the area s of its opening and the area S of its wall
+    /// ([Gouffe1945]), for light that the wall scatters in all directions. Columns belong to it whose surface is more than a spacing below the
+    /// level of the source.
+    fn gain<B: HeatedBody + ?Sized>(
+        &self,
+        columns: &Columns<'_, B>,
+        pose: &Pose,
+        scratch: &mut Scratch,
+    ) -> f64 {
+        let Some(absorptivity) = self.reflecting else {
+            return 1.0;
+        };
+        let grid = *columns.body.grid();
+        let axis = columns.face.axis();
+        let level = self.sampled.heated_surface.level;
+        let level = grid.in_cells(axis, level.unwrap_or(pose.position[axis]));
+        let level = match columns.face.is_upper() {
+            true => columns.layers() as f64 - level,
+            false => level,
+        };
+        let [across, rows] = columns.ranges();
+        let width = across.len();
+        let depths = &mut scratch.depths;
+        depths.clear();
+        for j in rows.clone() {
+            for i in across.clone() {
+                let depth = columns.depth([i, j], &mut scratch.depth);
+                depths.push(depth.unwrap_or(columns.layers() as f64));
+            }
+        }
+        let (mut opening, mut wall) = (0.0, 0.0);
+        for (n, depth) in depths.iter().enumerate() {
+            if *depth < level + 1.0 {
+                continue;
+            }
+            let (i, j) = (n % width, n / width);
+            let step = |other: Option<&f64>| other.map_or(0.0, |other| (other - depth).powi(2));
+            let mut squares = 0.0;
+            // each axis has the mean of the squares of the slopes on both sides
+            for (has_low, has_high, stride) in [
+                (i > 0, i + 1 < width, 1),
+                (j > 0, j + 1 < rows.len(), width),
+            ] {
+                let low = has_low.then(|| &depths[n - stride]);
+                let high = has_high.then(|| &depths[n + stride]);
+                squares += 0.5 * (step(low) + step(high));
+            }
+            opening += 1.0;
+            wall += (1.0 + squares).sqrt();
+        }
+        match wall > 0.0 {
+            true => 1.0 / (absorptivity + (1.0 - absorptivity) * opening / wall),
+            false => 1.0,
         }
     }
 }
@@ -199,6 +309,33 @@ mod tests {
         from_below.add(&metal, &pose(), 100.0, &mut values, &mut Scratch::default());
         let first: f64 = values[..1024].iter().sum();
         assert!((first - 100.0).abs() < 1e-3, "{first}");
+    }
+
+    /// A flat surface and one above the level reflect into the open; a groove with walls of 45 degrees has `s/S = 1/sqrt(2)`.
+    #[test]
+    fn a_depression_absorbs_what_its_walls_reflect() {
+        let gain = |surface: fn(f64, f64) -> f64, level: f64| {
+            let metal = metal(surface);
+            let mut values = metal.lattice.zeros();
+            let mut at = pose();
+            at.position.z = level;
+            let mut beam = beam("");
+            beam.reflecting = Some(0.3);
+            let deposit = beam.add(&metal, &at, 30.0, &mut values, &mut Scratch::default());
+            assert!((metal.lattice.power(&values) - deposit.deposited).abs() < 1e-9);
+            deposit.asked / 30.0
+        };
+        assert_eq!(gain(|_, _| 10.0, 10.0), 1.0);
+        assert_eq!(gain(|x, _| 10.0 + x.abs(), 3.0), 1.0);
+        let groove = gain(|x, _| f64::min(5.0 + x.abs(), 10.0), 10.0);
+        let expected = 1.0 / (0.3 + 0.7 / 2.0_f64.sqrt());
+        // the layer rounds the bottom
+        assert!(
+            (groove / expected - 1.0).abs() < 0.05,
+            "{groove} {expected}"
+        );
+        let deep = gain(|x, _| if x.abs() < 1.6 { 2.0 } else { 14.0 }, 14.0);
+        assert!(deep > 2.5 && deep < 1.0 / 0.3, "{deep}");
     }
 
     #[test]

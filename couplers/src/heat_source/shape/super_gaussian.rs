@@ -51,6 +51,10 @@ flattened! {
         /// the first of two fluids (`fluids` of `fluid`), without `penetration_depth`. Default `exponential`.
         #[serde(default)]
         pub penetration: Penetration,
+        /// Whether a depression of an interface absorbs what its walls reflect: the absorptivity is then A/(A + (1 - A) s/S), with
+        /// the area s of its opening and S of its wall below the level of the toolpath. Only with `penetration = "interface"`; default no.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        pub reflections: bool,
     }
 }
 
@@ -168,6 +172,11 @@ impl SourceShape for SuperGaussian {
         }
         let radius = check_positive("radius", self.radius, "m")?;
         let order = check_within("order", self.order, 1.0, 50.0)?;
+        if self.reflections && self.penetration != Penetration::Interface {
+            let message = "a beam that is absorbed in depth is not reflected to other walls";
+            let expected = "`penetration = \"interface\"`, or no `reflections`";
+            return Err(SetupError::value("reflections", message, expected));
+        }
         let footprint = Footprint::super_gaussian(radius, order);
         let depth = match self.penetration {
             Penetration::Interface => {
@@ -175,6 +184,7 @@ impl SourceShape for SuperGaussian {
                 return Ok(PowerDensity::Interface(InterfaceBeam {
                     footprint,
                     sampled: self.sampled.clone(),
+                    reflecting: self.reflections.then(|| self.absorptivity.unwrap_or(1.0)),
                     widest_key: "radius",
                 }));
             }

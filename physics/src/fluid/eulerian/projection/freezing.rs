@@ -101,3 +101,115 @@ impl Projection {
             });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use perimelt_core::material::Material;
+    use perimelt_core::{Coupler, Physics, Simulation};
+
+    use crate::fluid::Fluid;
+    use crate::fluid::tests::periodic;
+    use crate::testing::{Melting, read, run, set, simulation, values};
+    use crate::thermal::Thermal;
+
+    /// An ellipse of metal in a gas, at rest or in vortices of this speed (m/s), at one temperature.
+    fn metal_in_gas(speed: f64, temperature: f64, end: f64) -> Simulation {
+        let gas = "density = 1\nviscosity = 0.02\nspecific_heat = 100\nconductivity = 0.05";
+        let metal = "density = 20\nviscosity = 0.05\nspecific_heat = 5\nconductivity = 0.2\nsurface_tension = 0.1\n\
+            solidus = 1000\nliquidus = 1040\nlatent_heat = 1000";
+        let mut body = periodic(24, gas);
+        let section = toml::from_str(metal).expect("a valid material");
+        body.materials
+            .push(Material::new("metal", section, None).expect("a valid material"));
+        let fluid: Fluid = read(
+            "description = 'eulerian'\nform = 'conservative'\nstate.incompressible = {}\nfluids = ['metal', 'test']",
+        );
+        let thermal: Thermal = read("horizon = 1");
+        let physics: Vec<Box<dyn Physics>> = vec![Box::new(fluid), Box::new(thermal)];
+        let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(Melting {})];
+        let mut s = simulation(body, physics, couplers, end);
+        set(&mut s, "velocity", |[x, y, _]| {
+            [speed * (TAU * y).sin(), speed * (TAU * x).sin(), 0.0]
+        });
+        set(&mut s, "temperature", |_| [temperature]);
+        set(&mut s, "fluid_fraction", |[x, y, _]| {
+            let distance = 0.25 - ((x - 0.5) / 1.3).hypot((y - 0.5) * 1.3);
+            [1.0 / (1.0 + (-distance * 24.0 / 0.75).exp())]
+        });
+        s
+    }
+
+    fn fraction(s: &Simulation) -> Vec<f64> {
+        values(s, "fluid_fraction")
+    }
+
+    fn speeds(s: &Simulation) -> Vec<f64> {
+        let velocity = values(s, "velocity");
+        let points = velocity.chunks(3);
+        points
+            .map(|v| v.iter().map(|v| v * v).sum::<f64>().sqrt())
+            .collect()
+    }
+
+    /// In a stream of gas frozen points keep their metal exactly and rest; molten ones are carried away.
+    #[test]
+    fn gas_flows_around_what_has_frozen() {
+        for (temperature, is_frozen) in [
+            (900.0, true),
+            (1019.0, true),
+            (1021.0, false),
+            (1200.0, false),
+        ] {
+            let mut s = metal_in_gas(1.0, temperature, 0.05);
+            let before = fraction(&s);
+            run(&mut s);
+            let (after, speeds) = (fraction(&s), speeds(&s));
+            let inside = || (0..before.len()).filter(|i| before[*i] > 0.5);
+            let moved = inside()
+                .map(|i| (after[i] - before[i]).abs())
+                .fold(0.0, f64::max);
+            let fastest = inside().map(|i| speeds[i]).fold(0.0, f64::max);
+            if is_frozen {
+                assert_eq!([moved, fastest], [0.0; 2], "{temperature}");
+            } else {
+                assert!(
+                    moved > 0.01 && fastest > 0.3,
+                    "{temperature}: {moved} {fastest}"
+                );
+            }
+            assert!(speeds.iter().all(|v| *v < 2.0) && speeds.iter().any(|v| *v > 0.2));
+            for (name, balances) in s.balances() {
+                for balance in balances.iter().filter(|b| {
+                    ["mass", "first_fluid.volume", "heat"].contains(&b.quantity.as_str())
+                }) {
+                    assert!(
+                        balance.relative_error().abs() < 1e-12,
+                        "{name:?} {balance:?}"
+                    );
+                }
+            }
+            // the slope of the enthalpy changes twentyfold where the metal melts
+            let deviation = values(&s, "temperature")
+                .iter()
+                .map(|t| (t / temperature - 1.0).abs())
+                .fold(0.0, f64::max);
+            assert!(deviation < 1e-9, "{temperature}: {deviation}");
+        }
+    }
+
+    /// The tension of a frozen surface drives nothing, whatever its shape.
+    #[test]
+    fn the_tension_of_a_frozen_surface_is_none() {
+        for (temperature, least, most) in [(900.0, 0.0, 1e-12), (1200.0, 1e-3, 1.0)] {
+            let mut s = metal_in_gas(0.0, temperature, 0.05);
+            run(&mut s);
+            let fastest = speeds(&s).into_iter().fold(0.0, f64::max);
+            assert!(
+                (least..=most).contains(&fastest),
+                "{temperature}: {fastest}"
+            );
+        }
+    }
+}

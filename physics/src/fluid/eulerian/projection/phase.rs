@@ -200,6 +200,12 @@ impl Phase {
         speed.max(LEAST_SPEED * self.pair.capillary_speed(spacing))
     }
 
+    /// Speed, small beside those to which tension and a `pressure` on the interface (Pa) may drive the fluids, m/s.
+    pub(super) fn surface_speed(&self, pressure: f64, spacing: f64) -> f64 {
+        let density: f64 = self.pair.density.iter().sum();
+        self.mobility(LEAST_SPEED * (pressure / density).sqrt(), spacing)
+    }
+
     /// What is reported of the interface and the first fluid.
     pub(super) fn measure<const D: usize>(&mut self, measured: Measured<'_>) -> InterfaceReport {
         let Measured {
