@@ -1,6 +1,7 @@
 //! The first of two fluids where it has frozen, such as the metal of a plate below its melt.
 //!
-//! A point is frozen where the first fluid has the larger part of its volume and less than half of it is liquid: `c > 1/2`, `f(T) < 1/2`. Its bonds
+//! A point is frozen where the first fluid has the larger part of its volume and less than half of it is liquid: `c > 1/2`, `f(T) < 1/2`. So is the rest of
+//! the layer on it, points with a bond to such a one and with `c > 0.01`, `f(T) < 1/2`: a stream of gas would strip it off. Bonds of frozen points
 //! carry neither volume nor momentum nor heat by the flow, so that it keeps its fraction; the divergence of its neighbours lacks these
 //! bonds, and so does the gradient of their pressure, which is the exact adjoint. The fluid beside it sticks half way to it. What
 //! flows with solid in it flows as a slurry, with the heat of both.
@@ -25,6 +26,19 @@ use crate::fluid::rates::POINTS_PER_TASK;
 /// Sums over the bonds below which there is none of the first fluid, over that of a complete family.
 const NONE: f64 = 1e-9;
 
+/// Fraction from which on a point belongs to the layer on frozen points.
+const LAYER: f64 = 0.01;
+
+/// `sum_j w g_j`, from a field g.
+struct Around;
+
+impl BondKernel<1, 1> for Around {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, _: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
+        [bond.weight * other]
+    }
+}
+
 /// `sum_j w c_j o_j` and `sum_j w c_j`, from the fraction and whether points are open.
 struct LiquidPart;
 
@@ -46,6 +60,9 @@ pub(super) struct Freezing {
     /// By slot, kg/m³; infinite where points are frozen.
     pub(super) inertia: SlotField,
     sums: Vec<[f64; 2]>,
+    /// By slot: 1 where the first fluid has the larger part and is frozen; and the sum over the bonds.
+    solid: SlotField,
+    solid_around: Vec<[f64; 1]>,
 }
 
 impl Freezing {
@@ -56,6 +73,8 @@ impl Freezing {
             liquid_part: vec![[1.0]; points],
             inertia: SlotField::default(),
             sums: vec![[0.0; 2]; points],
+            solid: SlotField::default(),
+            solid_around: vec![[0.0]; points],
         }
     }
 }
@@ -63,14 +82,22 @@ impl Freezing {
 impl Projection {
     /// Finds which points are frozen, from their fraction now and their temperature at the start of the step.
     pub(super) fn find_frozen(&mut self) {
-        let (Some(freezing), Some(phase), Some(heat)) = (&self.freezing, &self.phase, &self.heat)
+        let (Some(freezing), Some(phase), Some(heat)) =
+            (&mut self.freezing, &self.phase, &self.heat)
         else {
             return;
         };
-        let points = phase.fraction.par_iter().zip(heat.temperature());
-        let points = points.with_min_len(POINTS_PER_TASK);
-        let is_frozen = |(c, t): (&f64, &f64)| *c > 0.5 && *t < freezing.temperature;
-        let frozen = points.map(is_frozen);
+        let (fraction, temperature) = (&phase.fraction, heat.temperature());
+        let limit = freezing.temperature;
+        let solid = |i: usize| f64::from(u8::from(fraction[i] > 0.5 && temperature[i] < limit));
+        freezing.solid.load(&self.family, solid, Mirrored::Scalar);
+        let around = &mut freezing.solid_around;
+        self.family.sum(&Around, [&freezing.solid], around);
+        let points = fraction.par_iter().zip(temperature).zip(&*around);
+        let is_frozen = |((c, t), [solid]): ((&f64, &f64), &[f64; 1])| {
+            *t < limit && (*c > 0.5 || *c > LAYER && *solid > 0.0)
+        };
+        let frozen = points.with_min_len(POINTS_PER_TASK).map(is_frozen);
         frozen.collect_into_vec(&mut self.state.frozen);
     }
 
