@@ -125,6 +125,8 @@ struct Account {
     /// Heat that evaporation takes per time, W, and has taken, J.
     power: f64,
     energy: f64,
+    /// Time up to which the sums are, s: the coupler acts on the fluid and on the heat of each step.
+    until: f64,
     /// Largest recoil pressure, Pa.
     pressure: f64,
     /// Mean temperature of the surface, and that of its hottest point, K.
@@ -277,11 +279,13 @@ impl RunningCoupler for RunningEvaporation {
         let hottest = (0..volume.len()).filter(is_surface);
         let hottest = hottest.map(|i| temperature[i]).fold(0.0, f64::max);
         let before = self.account;
+        let time = (step.end() - before.until.max(step.start)).max(0.0);
         self.account = Account {
             rate,
-            mass: before.mass + rate * step.size,
+            mass: before.mass + rate * time,
             power: heat * rate,
-            energy: before.energy + heat * rate * step.size,
+            energy: before.energy + heat * rate * time,
+            until: before.until.max(step.end()),
             pressure: self.recoil * self.vapour.saturation(hottest),
             surface: if area > 0.0 { mean / area } else { 0.0 },
             hottest,
@@ -298,12 +302,13 @@ impl RunningCoupler for RunningEvaporation {
             pressure,
             surface,
             hottest,
+            ..
         } = self.account;
         vec![
             Report::new("evaporated.rate", "kg/s", rate),
             Report::new("evaporated.mass", "kg", mass),
-            Report::new("power", "W", power),
-            Report::new("energy", "J", energy),
+            Report::new("evaporated.power", "W", power),
+            Report::new("evaporated.energy", "J", energy),
             Report::new("recoil.max", "Pa", pressure),
             Report::new("surface.temperature.mean", "K", surface),
             Report::new("surface.temperature.max", "K", hottest),
@@ -423,6 +428,35 @@ mod tests {
             let capacity = c * 8000.0 * 700.0 + (1.0 - c) * 80.0 * 1000.0;
             assert!(-q * 1e3 / capacity < 4500.0, "{q} {c}");
         }
+    }
+
+    /// The coupler acts before the fluid and before the heat advance, and the mass of a step is one.
+    #[test]
+    fn a_step_counts_once() {
+        let mut world = metal_and_gas();
+        let mut evaporation = running(&mut world, "").expect("valid");
+        set_layer(&mut world, 2500.0);
+        for (start, size) in [
+            (0.0, 0.0),
+            (0.0, 1e-6),
+            (0.0, 1e-6),
+            (1e-6, 2e-6),
+            (1e-6, 2e-6),
+        ] {
+            let step = Step::new(start, size);
+            evaporation.apply(&world, step).expect("applies");
+        }
+        let reports = evaporation.report();
+        let value = |name: &str| {
+            reports
+                .iter()
+                .find(|r| r.name == name)
+                .expect("reported")
+                .value
+        };
+        let expected = 3e-6 * value("evaporated.rate");
+        assert!((value("evaporated.mass") / expected - 1.0).abs() < 1e-6);
+        assert!((value("evaporated.energy") / (7e6 * expected) - 1.0).abs() < 1e-6);
     }
 
     #[test]
