@@ -371,11 +371,41 @@ def wetting() -> dict[str, float]:
     return found
 
 
+def saturation(temperature: float) -> float:
+    """Saturation pressure (Pa) of the steel of the cases: boils at 3090 K, 7.41 MJ/kg, 54.7 g/mol."""
+    return 101325 * exp(7.41e6 * 0.0547 / 8.314462618 * (1 / 3090 - 1 / temperature))
+
+
+def evaporation(temperature: float) -> float:
+    """Heat that evaporation takes, W/m2."""
+    return 0.82 * saturation(temperature) * sqrt(0.0547 / (2 * pi * 8.314462618 * temperature)) * 7.41e6
+
+
+def metal_and_gas() -> dict[str, float]:
+    """A flat surface of 1 GW/m2 over 60 um of metal whose bottom has 2000 K, and a surface under a recoil that changes along it."""
+
+    def conducted(temperature: float) -> float:
+        return 30 * (temperature - 2000) / 60e-6
+
+    surface = brentq(lambda t: evaporation(t) + conducted(t) - 1e9, 2000, 5000)
+    columns = [(i + 0.5) * 1e-3 / 32 for i in range(32)]
+    depth = [0.54 * saturation(1800 + 2e5 * x) / (7920 * 9.81) for x in columns]
+    heights = [0.5 + (sum(depth) / 32 - d) / 7.5e-4 for d in depth]
+    return {
+        "metal-and-gas-evaporation: temperature of the surface, K": surface,
+        "metal-and-gas-evaporation: power of evaporation, W": evaporation(surface) * 8e-6 * 2e-6,
+        "metal-and-gas-evaporation: power through the bottom, W": conducted(surface) * 8e-6 * 2e-6,
+        "metal-and-gas-recoil: height at the cold side over that of the box": heights[0],
+        "metal-and-gas-recoil: height at the hot side over that of the box": heights[-1],
+        "metal-and-gas-recoil: difference of both": heights[0] - heights[-1],
+    }
+
+
 def values() -> dict[str, float]:
     """All numbers by name."""
     found: dict[str, float] = {}
     parts = (resistances, uniform_bodies, cooled_half_spaces, plates, growing_rod, square_plate, moving_sources)
-    for part in (*parts, welded_joint, bars, fluids, wetting):
+    for part in (*parts, welded_joint, bars, fluids, wetting, metal_and_gas):
         found |= part()
     for name, start, plasticity in (
         ("satoh-austenite", 290.0, 0.0),

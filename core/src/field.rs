@@ -160,6 +160,10 @@ pub mod keys {
         DENSITY: f64 = "density", "kg/m3", "density";
         /// Flux of mass by which an Eulerian fluid advanced its density, kg/(m² s).
         MASS_FLUX: Vector3<f64> = "mass_flux", "kg/(m2 s)", "flux of mass of an Eulerian fluid in its last step";
+        /// Fraction of the first of two fluids of a body.
+        FLUID_FRACTION: f64 = "fluid_fraction", "1", "volume of the first of two fluids over that of the point";
+        /// Pressure on the interface of two fluids at a point, from the second to the first one, Pa (sink field of the fluid).
+        INTERFACE_PRESSURE: f64 = "interface_pressure", "Pa", "pressure on the interface of two fluids, from the second to the first one";
         /// Pressure, Pa.
         PRESSURE: f64 = "pressure", "Pa", "pressure";
         /// Force per volume, N/m³ (sink field of the mechanical and fluid physics).

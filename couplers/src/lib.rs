@@ -35,6 +35,7 @@
 //! | `gravity` | [`boundary::Gravity`] | | body force |
 //! | `symmetry` | [`boundary::Symmetry`] | | layers of temperature, displacement and velocity |
 //! | `wall` | [`boundary::Wall`] | | layers of velocity |
+//! | `evaporation` | [`evaporation::Evaporation`] | temperature, fraction of the first of two fluids | heat source, pressure on the interface |
 //! | `lorentz_force` | [`lorentz::LorentzForce`] | | force on the melt |
 //! | `buoyancy` | [`buoyancy::Buoyancy`] | temperature | body force |
 //! | `contact` | [`contact::Contact`] | displacement, velocity of one body or two | impulse |
@@ -57,6 +58,7 @@ pub mod contact;
 pub mod cut;
 pub mod deformation_heat;
 pub mod deposit;
+pub mod evaporation;
 pub mod expansion;
 pub mod fluid_structure;
 pub mod forcing_zone;
@@ -92,7 +94,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 41);
+        assert_eq!(couplers.len(), 42);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

@@ -10,12 +10,14 @@
 //! for couplers, plots and properties by phase. Where the thermal physics provides `enthalpy`,
 //! the liquid fraction is computed from it. This also holds for a pure substance (T_s = T_l), whose
 //! temperature does not determine the liquid fraction. Materials of the body that lack one of
-//! `solidus`, `liquidus` and `latent_heat` stay solid.
+//! `solidus`, `liquidus` and `latent_heat` stay solid. Where two fluids share the points, it is the volume of the liquid of the first one over that of the
+//! point, by its temperature.
 //!
 //! Not for vaporisation or undercooling.
 
 use perimelt_core::error::Problem;
 use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, MushyCapacity};
+use perimelt_core::world::TwoFluids;
 use perimelt_core::{
     Coupler, Prepared, Read, ReadIfProvided, RunError, RunningCoupler, Setup, SetupError, Step,
     Stepping, World, Write, keys, world,
@@ -46,7 +48,14 @@ struct RunningPhaseChange {
     curves: Vec<EnthalpyCurve>,
     temperature: Read<f64>,
     enthalpy: ReadIfProvided<f64>,
+    fluids: Option<MeltingFluid>,
     liquid_fraction: Write<f64>,
+}
+
+/// The first of two fluids.
+struct MeltingFluid {
+    material: usize,
+    fraction: Read<f64>,
 }
 
 /// The first property that the first material lacks, when no material of the body can melt.
@@ -85,11 +94,21 @@ impl Coupler for PhaseChange {
             is_steady: true,
             ..Stepping::default()
         });
+        let fluids = setup.facts::<TwoFluids>(body).next();
+        let fluids = fluids.and_then(|fluids| fluids.indices(setup.body(body)));
+        let fluids = match fluids {
+            Some([first, _]) => Some(MeltingFluid {
+                material: usize::from(first),
+                fraction: setup.read(body, &keys::FLUID_FRACTION)?,
+            }),
+            None => None,
+        };
         Ok(Box::new(RunningPhaseChange {
             body,
             curves: setup.world().enthalpy_curves(body)?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             enthalpy: setup.read_if_provided(body, &keys::ENTHALPY)?,
+            fluids,
             liquid_fraction: setup.write(body, &keys::LIQUID_FRACTION)?,
         }))
     }
@@ -102,6 +121,14 @@ impl RunningCoupler for RunningPhaseChange {
         let enthalpy = enthalpy.as_deref();
         let material = &world.body(self.body).material_of_point;
         let mut liquid_fraction = world.write(self.liquid_fraction);
+        if let Some(MeltingFluid { material, fraction }) = &self.fluids {
+            let (curve, fraction) = (&self.curves[*material], world.read(*fraction));
+            let points = liquid_fraction.par_iter_mut().zip(&*fraction);
+            let points = points.zip(temperature);
+            points
+                .for_each(|((value, c), t)| *value = c.clamp(0.0, 1.0) * curve.liquid_fraction(*t));
+            return Ok(());
+        }
         let fraction = |point: usize| {
             let curve = &self.curves[material[point] as usize];
             match enthalpy {

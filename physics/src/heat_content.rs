@@ -5,7 +5,7 @@
 //! ```
 //!
 //! The fraction may lie outside of 0 to 1 by a thousandth, so that a mixture has a capacity as long as those of the two fluids differ by
-//! less than [`LARGEST_RATIO`]. Not for: mixtures that melt.
+//! less than [`LARGEST_RATIO`], also where the first one melts. Not for: fluids that melt at one temperature.
 
 use perimelt_core::material::EnthalpyCurve;
 
@@ -68,11 +68,22 @@ impl HeatContent<'_> {
             return self.curve(point).temperature(enthalpy);
         };
         let mut temperature = near;
+        let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         for _ in 0..MOST_STEPS {
             let [first, second] = materials.map(|m| self.curves[m as usize].capacity(temperature));
             let capacity = second + fraction[point] * (first - second);
             let missing = (enthalpy - self.enthalpy(point, temperature)) / capacity;
-            temperature += missing;
+            match missing > 0.0 {
+                true => low = low.max(temperature),
+                false => high = high.min(temperature),
+            }
+            let next = temperature + missing;
+            // where the capacity jumps at solidus and liquidus, Newton's method may go to and fro between both sides
+            temperature = match next < high && next > low || missing == 0.0 {
+                true => next,
+                false if low.is_finite() && high.is_finite() => 0.5 * (low + high),
+                false => next,
+            };
             // the error that is left is of the order of its square
             if missing.abs() <= 1e-9 * temperature.abs() {
                 break;
@@ -103,7 +114,43 @@ impl HeatContent<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use perimelt_core::material::{Property, Table};
+    use perimelt_core::material::{LatentHeat, LatentHeatForm, MushyCapacity, Property, Table};
+
+    /// A metal that melts and a gas, from far on both sides of the melting range.
+    #[test]
+    fn the_temperature_of_a_mixture_that_melts_is_that_of_its_enthalpy() {
+        let latent = LatentHeat {
+            solidus: 1658.0,
+            liquidus: 1723.0,
+            latent_heat: 2.7e5,
+            mushy_capacity: MushyCapacity::default(),
+            form: LatentHeatForm::default(),
+        };
+        let metal = EnthalpyCurve::new(7900.0, &Property::Constant(700.0), Some(latent));
+        let gas = EnthalpyCurve::new(80.0, &Property::Constant(1000.0), None);
+        let curves = [metal.expect("valid"), gas.expect("valid")];
+        let fraction = [0.0, 0.01, 0.5, 1.0, 1.0005, -0.0005];
+        let content = HeatContent {
+            curves: &curves,
+            material: &[0; 6],
+            mixture: Some(Mixture {
+                materials: [0, 1],
+                fraction: &fraction,
+            }),
+        };
+        for point in 0..fraction.len() {
+            for temperature in [300.0, 1657.9, 1658.0, 1690.0, 1722.9, 1723.1, 4000.0] {
+                let enthalpy = content.enthalpy(point, temperature);
+                for near in [300.0, 1600.0, 1700.0, 1800.0, 5000.0] {
+                    let found = content.temperature(point, enthalpy, near);
+                    assert!(
+                        (found / temperature - 1.0).abs() < 1e-12,
+                        "{point}: {found} for {temperature} from {near}"
+                    );
+                }
+            }
+        }
+    }
 
     /// Between a fluid of constant capacity and one whose capacity grows threefold, also a little outside of 0 to 1.
     #[test]

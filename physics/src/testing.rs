@@ -6,7 +6,11 @@ use perimelt_core::body::{Body, Store};
 use perimelt_core::material::{Material, MaterialSection};
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::simulation::{LogTimes, Named, Simulation, TimeOptions};
-use perimelt_core::{Coupler, Physics, StepSize, World};
+use perimelt_core::world::PhaseChange;
+use perimelt_core::{
+    Coupler, Physics, Prepared, RunError, RunningCoupler, Setup, SetupError, Step, StepSize, World,
+};
+use serde::{Deserialize, Serialize};
 
 /// A block of `cells` cubic cells of edge `spacing` (m), of a material given in TOML.
 pub fn block(
@@ -95,5 +99,26 @@ pub fn run(s: &mut Simulation) {
     s.start().expect("starts");
     while !s.is_finished() {
         s.step().expect("steps");
+    }
+}
+
+/// Says that the body melts.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Melting {}
+
+#[typetag::serialize(name = "melting_of_a_test")]
+impl Coupler for Melting {
+    fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        setup.publish(0, PhaseChange::default())
+    }
+
+    fn prepare(self: Box<Self>, _: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
+        Ok(self)
+    }
+}
+
+impl RunningCoupler for Melting {
+    fn apply(&mut self, _: &World, _: Step) -> Result<(), RunError> {
+        Ok(())
     }
 }

@@ -316,7 +316,6 @@ mistakes! {
     tension_beside_its_value: "initial.temperature = 300\n\n[materials.steel]\n" => "initial.temperature = 300\nmaterials = { base = \"argon\" }\n\n[materials.argon]\ndensity = 100\nspecific_heat = 500\nconductivity = 0.02\nviscosity = 1e-5\n\n[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\nfluids = [\"steel\", \"argon\"]\ninterface = { surface_tension = 1.8, tension.sulphur = 0.01 }\n\n[materials.steel]\nviscosity = 5e-3\n";
     slope_of_a_tension_without_its_temperature: "initial.temperature = 300\n\n[materials.steel]\n" => "initial.temperature = 300\nmaterials = { base = \"argon\" }\n\n[materials.argon]\ndensity = 100\nspecific_heat = 500\nconductivity = 0.02\nviscosity = 1e-5\n\n[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\nfluids = [\"steel\", \"argon\"]\ninterface = { surface_tension = 1.8, tension.slope = -4e-4 }\n\n[materials.steel]\nviscosity = 5e-3\n";
     slope_of_a_tension_without_its_value: "initial.temperature = 300\n\n[materials.steel]\n" => "initial.temperature = 300\nmaterials = { base = \"argon\" }\n\n[materials.argon]\ndensity = 100\nspecific_heat = 500\nconductivity = 0.02\nviscosity = 1e-5\n\n[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\nfluids = [\"steel\", \"argon\"]\ninterface = { tension.slope = -4e-4, reference_temperature = 1800 }\n\n[materials.steel]\nviscosity = 5e-3\nsurface_tension = { temperature = [1800, 3000], value = [1.8, 1.3] }\n";
-    two_fluids_that_melt: "initial.temperature = 300\n\n[materials.steel]\n" => "initial.temperature = 300\nmaterials = { base = \"argon\" }\n\n[materials.argon]\ndensity = 100\nspecific_heat = 500\nconductivity = 0.02\nviscosity = 1e-5\n\n[[physics]]\ntype = \"fluid\"\ndescription = \"eulerian\"\nform = \"conservative\"\nstate.incompressible = {}\nfluids = [\"steel\", \"argon\"]\ninterface = { surface_tension = 1.8 }\n\n[materials.steel]\nviscosity = 5e-3\n";
     conductivity_with_directions_in_the_form_of_bonds: "conductivity = { temperature = [300, 1000], value = [50, 30] }" => "conductivity = { along = 30, across = 3 }";
     property_without_directions: "density = 7800" => "density = { along = 7800, across = 7000 }";
     conductivity_across_fibres_below_zero: "conductivity = { temperature = [300, 1000], value = [50, 30] }" => "conductivity = { along = 30, across = { temperature = [300, 1000], value = [3, -1] } }";
@@ -723,4 +722,80 @@ fn mistakes_of_two_fluids() {
     ]
     .map(|(right, wrong)| told(right, wrong));
     insta::assert_snapshot!(all.join("\n\n"));
+}
+
+const SPOT: &str = include_str!("../../cases/verification/laser-spot.toml");
+
+/// Mistakes of a body of metal and gas: what is changed in a case that runs, and what is told.
+#[test]
+fn mistakes_of_metal_and_gas() {
+    let melting = "library = \"316L\"\nviscosity = 5e-3";
+    let gas = "density = 80\nspecific_heat = 1000";
+    let fluids = "fluids = [\"steel\", \"argon\"]";
+    let penetration = "penetration = \"interface\"";
+    let mut told = String::new();
+    for (name, right, wrong) in [
+        ("no two fluids", fluids, ""),
+        (
+            "gas in front",
+            fluids,
+            "fluids = [\"argon\", \"steel\"]\ninterface = { surface_tension = 1.5 }",
+        ),
+        (
+            "melting at one temperature",
+            melting,
+            "library = \"316L\"\nviscosity = 5e-3\nsolidus = 1700\nliquidus = 1700",
+        ),
+        ("light gas", gas, "density = 1.6\nspecific_heat = 520"),
+        (
+            "apparent heat",
+            "type = \"phase_change\"",
+            "type = \"phase_change\"\nform = \"apparent\"",
+        ),
+        (
+            "no vapour",
+            melting,
+            "density = 7900\nspecific_heat = 700\nconductivity = 30\nviscosity = 5e-3\nsurface_tension = 1.5\nsolidus = 1658\nliquidus = 1723\nlatent_heat = 2.7e5\nboiling_temperature = 3090\nvaporisation_heat = 7e6",
+        ),
+        ("viscosity by temperature", melting, "library = \"316L\""),
+        (
+            "recoil above 1",
+            "type = \"evaporation\"",
+            "type = \"evaporation\"\nrecoil = 54",
+        ),
+        (
+            "unknown key",
+            "type = \"evaporation\"",
+            "type = \"evaporation\"\nrecoil_pressure = 0.5",
+        ),
+        (
+            "beam with a depth",
+            penetration,
+            "penetration = \"interface\"\npenetration_depth = 1e-5",
+        ),
+        (
+            "beam without a depth",
+            penetration,
+            "penetration = \"uniform\"",
+        ),
+        (
+            "inclined beam",
+            "heated_surface.face = \"y+\"",
+            "heated_surface = { face = \"y+\", direction = [1, -1, 0] }",
+        ),
+        (
+            "step above that of capillary waves",
+            fluids,
+            "fluids = [\"steel\", \"argon\"]\nstep = 2e-7",
+        ),
+    ] {
+        assert_eq!(SPOT.matches(right).count(), 1, "`{right}` is there once");
+        let message = match check(SPOT.replace(right, wrong)) {
+            Err(Failure::Case(mistake)) => mistake.render(false),
+            Err(other) => other.to_string(),
+            Ok(()) => panic!("{name}: accepted"),
+        };
+        told += &format!("{name}\n{message}\n\n");
+    }
+    insta::assert_snapshot!(told);
 }

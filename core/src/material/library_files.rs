@@ -103,6 +103,7 @@ fn every_property_stays_within_what_such_materials_have() {
         ("latent_heat", 1.9e5, 5.6e5),
         ("boiling_temperature", 373.0, 3700.0),
         ("vaporisation_heat", 2e6, 1.1e7),
+        ("molar_mass", 0.018, 0.06),
         ("youngs_modulus", 1e8, 2.2e11),
         ("poissons_ratio", 0.25, 0.5),
         ("thermal_expansion", 3e-6, 6e-5),

@@ -171,6 +171,12 @@ register_property!(
     ValueRange::Positive
 );
 register_property!(
+    "molar_mass",
+    "kg/mol",
+    "mass per amount of substance of the vapour",
+    ValueRange::Positive
+);
+register_property!(
     "youngs_modulus",
     "Pa",
     "Young's modulus",

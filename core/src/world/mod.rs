@@ -100,6 +100,33 @@ impl Fact for ContactAngle {
     }
 }
 
+/// Two fluids flow through the points of a body.
+#[derive(Clone, Debug)]
+pub struct TwoFluids {
+    /// Names of their materials.
+    pub materials: Vec<String>,
+}
+
+impl Fact for TwoFluids {}
+
+impl TwoFluids {
+    /// Indices of their materials; `None` where the names are a mistake, which the fluid reports.
+    pub fn indices(&self, body: &Body) -> Option<[u16; 2]> {
+        let index = |name: &String| body.materials.iter().position(|m| m.name() == name);
+        match &self.materials[..] {
+            [first, second] => Some([index(first)? as u16, index(second)? as u16]),
+            _ => None,
+        }
+    }
+}
+
+/// Something heats the interface of two fluids of a body, or takes heat from it, such as a beam or evaporation: the heat must reach the fluids from
+/// inside of the layer between them.
+#[derive(Clone, Copy, Debug)]
+pub struct HeatedInterface;
+
+impl Fact for HeatedInterface {}
+
 /// The surface tension of a fluid along a flat face, which drives it where the temperature changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaceTension {

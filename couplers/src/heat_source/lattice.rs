@@ -15,6 +15,8 @@ pub(super) struct LatticeBody<'a> {
     pub grid: CellGrid,
     /// Points with material, where material is deposited.
     pub activity: Option<Ref<'a, [f64]>>,
+    /// Fraction of the first of two fluids, where a source is absorbed at their interface.
+    pub fraction: Option<Ref<'a, [f64]>>,
 }
 
 /// The lattice of a body, or one of its finest spacing that covers it. Missing axes have one cell with the extent of the
@@ -85,6 +87,10 @@ impl HeatedBody for LatticeBody<'_> {
     fn volume(&self, point: usize) -> f64 {
         self.body.points.volume[point]
     }
+
+    fn first_fluid(&self, point: usize) -> Option<f64> {
+        self.fraction.as_ref().map(|fraction| fraction[point])
+    }
 }
 
 #[cfg(test)]
@@ -104,6 +110,7 @@ mod tests {
                 body: &body,
                 grid: grid(&body),
                 activity: None,
+                fraction: None,
             };
             let volume = target.volume(target.point([1, 0, 0]).expect("a full block"));
             assert!((target.grid.spacing.product() - volume).abs() < 1e-15);

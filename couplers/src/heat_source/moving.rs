@@ -8,10 +8,10 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 use perimelt_core::numbers::check_at_least;
-use perimelt_core::world::BodyIndex;
+use perimelt_core::world::{BodyIndex, HeatedInterface};
 use perimelt_core::{
-    Change, LoadError, Prepared, Report, RunError, RunningCoupler, SavedState, Setup, SetupError,
-    Step, StepLimits, Stepping, World, Write, flattened, keys, shared_keys,
+    Change, LoadError, Prepared, Read, Report, RunError, RunningCoupler, SavedState, Setup,
+    SetupError, Step, StepLimits, Stepping, World, Write, flattened, keys, shared_keys,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -137,7 +137,13 @@ impl<S: SourceShape> MovingSource<S> {
     pub fn publish_path(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let path = self.timed_path(&setup.path(""))?;
         setup.share(path);
-        Ok(())
+        match self.shape.heats_interface() {
+            true => {
+                let body = setup.find_body(self.target.body.as_deref())?;
+                setup.publish(body, HeatedInterface)
+            }
+            false => Ok(()),
+        }
     }
 
     /// [`Coupler::prepare`](perimelt_core::Coupler::prepare).
@@ -178,6 +184,10 @@ impl<S: SourceShape> MovingSource<S> {
             depositor,
             surface,
             heat_source: setup.add(index, &keys::HEAT_SOURCE)?,
+            fraction: match self.shape.heats_interface() {
+                true => Some(setup.read(index, &keys::FLUID_FRACTION)?),
+                false => None,
+            },
             longest_way: STEP_FRACTION * length,
             speed,
             position: path.first_position(),
@@ -222,6 +232,8 @@ struct RunningSource {
     depositor: Depositor,
     surface: HeatedSurface,
     heat_source: Write<f64>,
+    /// Fraction of the first of two fluids, at whose interface the source is absorbed.
+    fraction: Option<Read<f64>>,
     /// Longest distance that the source may move over the points in a step while it is on, m.
     longest_way: f64,
     /// Largest speed on the path, m/s.
@@ -279,6 +291,7 @@ impl RunningCoupler for RunningSource {
                     body,
                     grid: self.grid,
                     activity: world.activity(self.body),
+                    fraction: self.fraction.map(|fraction| world.read(fraction)),
                 };
                 self.depositor.add(&body, &pose, &mut heat_source)
             }

@@ -90,6 +90,7 @@ impl RunningCoupler for RunningPulsedLaserSource {
                         body,
                         grid: self.grid,
                         activity: None,
+                        fraction: None,
                     };
                     self.shape.add(&body, from, to, &mut heat_source)
                 }

@@ -1,9 +1,8 @@
 //! Heat that a fluid that keeps its volume carries: its fields.
 
-use perimelt_core::world::{BodyIndex, FaceTension};
+use perimelt_core::world::{BodyIndex, FaceTension, TwoFluids};
 use perimelt_core::{Access, Read, Setup, SetupError, TensionLaw, World, Write, keys};
 
-use super::TwoFluids;
 use super::eulerian::projection::heat::HeatedFluid;
 use super::eulerian::projection::thermocapillary::SurfaceLaws;
 use super::run::FluidRun;

@@ -68,11 +68,11 @@ mod walls;
 
 pub use crate::advection::Convection;
 pub use eulerian::projection::pair::Interface;
-pub(crate) use eulerian::projection::pair::{FLUID_FRACTION, TwoFluids};
 pub use keys::{Fluid, Form, Scheme, Stress, Surface};
 pub use lagrangian::collision::Collisions;
 pub use perimelt_core::Description;
 
+use perimelt_core::world::TwoFluids;
 use perimelt_core::{
     Balance, ExpectedGift, LoadError, Physics, PhysicsReport, Prepared, RunError, RunningPhysics,
     SavedState, Setup, SetupError, Step, Stepping, Work, World, keys as core_keys,
@@ -93,7 +93,8 @@ impl Physics for Fluid {
     fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         if let Some(fluids) = &self.fluids {
-            setup.publish(body, TwoFluids(fluids.clone()))?;
+            let materials = fluids.clone();
+            setup.publish(body, TwoFluids { materials })?;
         }
         if self.state.law.incompressible().is_some() {
             setup.publish(body, ExpectedGift::of(&core_keys::CARRIED_HEAT))?;

@@ -13,7 +13,7 @@ use crate::shape_tensor::CompleteFamily;
 use super::boundaries::{check_closed, check_faces};
 use super::eulerian::EulerianPoints;
 use super::eulerian::projection::heat::HeatedFluid;
-use super::eulerian::projection::pair::{FLUID_FRACTION, FluidPair, PairKeys, PreparedPair};
+use super::eulerian::projection::pair::{FluidPair, PairKeys, PreparedPair};
 use super::eulerian::projection::phase::InterfaceReport;
 use super::heat::FluidHeat;
 use super::keys::Fluid;
@@ -49,6 +49,8 @@ impl FluidRun {
         }
         if let Some(pair) = &pair {
             fields.fraction = Some(declare_fraction(setup, body, pair)?);
+            let key = &keys::INTERFACE_PRESSURE;
+            fields.interface_pressure = setup.consume_if_added(body, key)?;
         }
         let (has_faces, has_interface) = (!faces.is_empty(), pair.is_some());
         let spec = family_spec(&fluid, &keys, setup.body(body), faces);
@@ -139,6 +141,7 @@ impl FluidFields {
             density: setup.own(body, &keys::DENSITY)?,
             pressure: setup.own(body, &keys::PRESSURE)?,
             fraction: None,
+            interface_pressure: None,
             heat: None,
             body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
             velocity_layers,
@@ -180,7 +183,7 @@ fn declare_fraction(
     body: BodyIndex,
     pair: &FluidPair,
 ) -> Result<Write<f64>, SetupError> {
-    let fraction = setup.own(body, &FLUID_FRACTION)?;
+    let fraction = setup.own(body, &keys::FLUID_FRACTION)?;
     let material = setup.body(body).material_of_point.clone();
     let is_first = |point: usize| material[point] == pair.material[0];
     setup.set_first(fraction, |point| if is_first(point) { 1.0 } else { 0.0 });

@@ -68,6 +68,8 @@ pub(super) struct FluidFields {
     pub(super) pressure: Write<f64>,
     /// Fraction of the first of two fluids.
     pub(super) fraction: Option<Write<f64>>,
+    /// Pressure on the interface of two fluids, where something presses.
+    pub(super) interface_pressure: Option<Read<f64>>,
     /// Where a fluid that keeps its volume carries heat.
     pub(super) heat: Option<FluidHeat>,
     pub(super) body_force: Option<Read<Vector3<f64>>>,

@@ -44,6 +44,7 @@ impl FluidRun {
     pub(super) fn take_step(&mut self, world: &World, step: Step) -> Result<(), Cause> {
         self.set_viscosity(world);
         self.take_heat(world);
+        self.take_interface_pressure(world);
         self.points.follow_walls(world, self.body, step.size);
         self.advance_flow(world, step)?;
         self.write_fraction(world);
@@ -75,6 +76,13 @@ impl FluidRun {
             None => viscosity.evaluate(material, None),
         }
         self.points.rates_mut().set_viscosity(&self.medium);
+    }
+
+    fn take_interface_pressure(&mut self, world: &World) {
+        let projection = self.points.projection_mut();
+        if let (Some(pressure), Some(projection)) = (self.fields.interface_pressure, projection) {
+            projection.set_interface_pressure(&world.read(pressure));
+        }
     }
 
     fn write_fraction(&self, world: &World) {

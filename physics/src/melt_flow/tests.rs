@@ -1,40 +1,14 @@
 //! Tests of melt flow.
 
 use perimelt_core::body::Store;
-use perimelt_core::world::PhaseChange;
-use perimelt_core::{
-    Coupler, Physics, Prepared, RunError, RunningCoupler, Setup, SetupError, Simulation, Step,
-    World,
-};
-use serde::{Deserialize, Serialize};
+use perimelt_core::{Physics, Simulation};
 
 use super::MeltFlow;
-use crate::testing::{block, read, run, set, simulation, values};
+use crate::testing::{Melting, block, read, run, set, simulation, values};
 use crate::thermal::Thermal;
 
 const METAL: &str = "density = 7000\nspecific_heat = 500\nconductivity = 50\nviscosity = 5e-3\n\
     liquid_expansion = 1e-4\nsolidus = 1000\nliquidus = 1010\nlatent_heat = 2e5";
-
-/// Says that the body melts.
-#[derive(Debug, Serialize, Deserialize)]
-struct Melting {}
-
-#[typetag::serialize(name = "melting_of_a_test")]
-impl Coupler for Melting {
-    fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
-        setup.publish(0, PhaseChange::default())
-    }
-
-    fn prepare(self: Box<Self>, _: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
-        Ok(self)
-    }
-}
-
-impl RunningCoupler for Melting {
-    fn apply(&mut self, _: &World, _: Step) -> Result<(), RunError> {
-        Ok(())
-    }
-}
 
 /// A square of metal with 16 x 16 points of 1 mm and these temperatures, over a time (s).
 fn square(keys: &str, end: f64, temperature: impl Fn([f64; 3]) -> f64) -> Simulation {

@@ -27,7 +27,7 @@ use rayon::prelude::*;
 
 use super::conductivity::Directions;
 use super::interfaces::{Across, Interfaces, MaterialPoints, Mixed};
-use super::mixture::MixedConductivity;
+use super::mixture::{MixedConductivity, MixedFluids};
 use super::phases::{ConductingPhase, Series};
 use super::states::{OrdinaryState, StateFlow};
 
@@ -238,15 +238,25 @@ impl Conduction {
         self.powder = Some(ConductingPhase::new(conductivity, points));
     }
 
-    /// Adds two fluids, which are these materials.
-    pub(super) fn set_fluids(&mut self, materials: [u16; 2]) {
+    /// Adds two fluids.
+    pub(super) fn set_fluids(&mut self, fluids: &MixedFluids, curves: &[EnthalpyCurve]) {
         if self.uniform.is_some() {
             return;
         }
         self.interfaces = None;
-        let [first, second] = materials.map(|m| self.largest[m as usize]);
-        self.largest.fill(first.max(second));
-        self.fluids = Some(MixedConductivity::new(materials, self.rate.len()));
+        let largest = fluids.materials.map(|m| self.largest[m as usize]);
+        self.largest.fill(largest[0].max(largest[1]));
+        let mixed = MixedConductivity::new(fluids, curves, largest, self.rate.len());
+        self.fluids = Some(mixed);
+    }
+
+    /// Largest conductivities of two fluids over that of both; 1 where they are the same.
+    pub(super) fn fluid_ratios(&self) -> [f64; 2] {
+        let largest = self.fluids.as_ref().map(MixedConductivity::largest);
+        largest.map_or([1.0; 2], |[first, second]| {
+            let both = first.max(second);
+            [first / both, second / both]
+        })
     }
 
     /// Sets the fraction of the first of two fluids.

@@ -258,12 +258,6 @@ impl Thermal {
             "another `solver`, such as \"rkl2\"",
         )?;
         need(
-            !flow.of_two_fluids || curves.iter().all(|c| c.latent_heat().is_none()),
-            "body",
-            "two fluids flow through the body, and what melts is a solid for which they have no place",
-            "a body without `phase_change`",
-        )?;
-        need(
             description != Description::ArbitraryLagrangianEulerian,
             "body",
             "heat in a fluid whose points follow its walls is not computed",

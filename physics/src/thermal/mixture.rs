@@ -2,13 +2,13 @@
 
 use std::cell::Ref;
 
-use perimelt_core::material::{EnthalpyCurve, Property};
-use perimelt_core::world::BodyIndex;
-use perimelt_core::{Read, Setup, SetupError, World};
+use perimelt_core::material::{EnthalpyCurve, LatentHeat, Property};
+use perimelt_core::world::{BodyIndex, HeatedInterface, TwoFluids};
+use perimelt_core::{Read, Setup, SetupError, World, keys};
 
 use super::interfaces::in_series;
 use super::run::RunningThermal;
-use crate::fluid::{FLUID_FRACTION, TwoFluids};
+use crate::dependent_keys::need;
 use crate::heat_content::{HeatContent, LARGEST_RATIO, Mixture};
 
 /// Two fluids whose heat is computed.
@@ -17,6 +17,8 @@ pub(super) struct MixedFluids {
     pub(super) materials: [u16; 2],
     /// Fraction of the first one.
     pub(super) fraction: Read<f64>,
+    /// Whether the layer between them is heated from inside.
+    has_heated_interface: bool,
 }
 
 impl MixedFluids {
@@ -26,18 +28,32 @@ impl MixedFluids {
         body: BodyIndex,
     ) -> Result<Option<MixedFluids>, SetupError> {
         let fluids = setup.facts::<TwoFluids>(body).next();
-        let materials = fluids.and_then(|fluids| fluids.materials(setup.body(body)));
+        let materials = fluids.and_then(|fluids| fluids.indices(setup.body(body)));
         let Some(materials) = materials else {
             return Ok(None);
         };
         Ok(Some(MixedFluids {
             materials,
-            fraction: setup.read(body, &FLUID_FRACTION)?,
+            fraction: setup.read(body, &keys::FLUID_FRACTION)?,
+            has_heated_interface: setup.facts::<HeatedInterface>(body).next().is_some(),
         }))
     }
 
-    /// Refuses heat capacities that differ too much.
+    /// Refuses heat capacities that differ too much, and melting that a mixture cannot have.
     pub(super) fn check(&self, curves: &[EnthalpyCurve]) -> Result<(), SetupError> {
+        let melting = self.materials.map(|m| curves[m as usize].latent_heat());
+        need(
+            melting[1].is_none(),
+            "body",
+            "the second of two fluids melts, and only the first one may freeze",
+            "`fluids` with the material that melts in front, and a gas without `solidus`, `liquidus` and `latent_heat`",
+        )?;
+        need(
+            melting[0].is_none_or(|latent| latent.solidus < latent.liquidus),
+            "body",
+            "the first of two fluids melts at one temperature, so that the temperature of a mixture does not tell how much of it is liquid",
+            "a `liquidus` above the `solidus` of the material",
+        )?;
         let of = |m: u16| {
             let curve = &curves[m as usize];
             [curve.minimum_capacity(), curve.maximum_capacity()]
@@ -46,7 +62,7 @@ impl MixedFluids {
         let ratio = (first[1] / second[0]).max(second[1] / first[0]);
         if ratio > LARGEST_RATIO {
             let message = format!(
-                "the heat capacities per volume of the two fluids differ by a factor of {ratio:.0}"
+                "the heat capacities per volume of the two fluids, with latent heat, differ by a factor of {ratio:.0}"
             );
             let expected = format!(
                 "a factor of at most {LARGEST_RATIO}: a larger density or specific heat of the gas"
@@ -69,13 +85,28 @@ impl MixedFluids {
 #[derive(Debug)]
 pub(super) struct MixedConductivity {
     materials: [u16; 2],
+    /// Largest of each, W/(m K).
+    largest: [f64; 2],
+    /// Melting of the first one.
+    melting: Option<LatentHeat>,
+    /// Whether the layer between the fluids conducts as if they lay side by side.
+    is_parallel: bool,
     fraction: Vec<f64>,
 }
 
 impl MixedConductivity {
-    pub(super) fn new(materials: [u16; 2], points: usize) -> Self {
+    /// Conductivity of fluids of these largest conductivities (W/(m K)).
+    pub(super) fn new(
+        fluids: &MixedFluids,
+        curves: &[EnthalpyCurve],
+        largest: [f64; 2],
+        points: usize,
+    ) -> Self {
         MixedConductivity {
-            materials,
+            materials: fluids.materials,
+            largest,
+            melting: curves[fluids.materials[0] as usize].latent_heat().copied(),
+            is_parallel: fluids.has_heated_interface,
             fraction: vec![0.0; points],
         }
     }
@@ -84,11 +115,27 @@ impl MixedConductivity {
         self.fraction.copy_from_slice(fraction);
     }
 
-    /// Conductivity of a point at a temperature (K), W/(m K): that of layers in series.
+    /// Largest conductivity of each fluid, W/(m K).
+    pub(super) fn largest(&self) -> [f64; 2] {
+        self.largest
+    }
+
+    /// Conductivity of a point at a temperature (K), W/(m K): that of layers in series. In a layer that is heated from inside each
+    /// fluid conducts its own part: heat that a beam leaves in a metal must not pass its gas.
     pub(super) fn at(&self, by_material: &[Property], point: usize, temperature: f64) -> f64 {
-        let of = |m: u16| by_material[m as usize].at(temperature, 0.0);
+        let liquid = self.melting.map_or(0.0, |melting| {
+            let LatentHeat {
+                solidus, liquidus, ..
+            } = melting;
+            ((temperature - solidus) / (liquidus - solidus)).clamp(0.0, 1.0)
+        });
+        let [first, second] = self.materials.map(|m| &by_material[m as usize]);
+        let k = [first.at(temperature, liquid), second.at(temperature, 0.0)];
         let c = self.fraction[point].clamp(0.0, 1.0);
-        in_series(self.materials.map(of), [c, 1.0 - c])
+        match self.is_parallel {
+            true => c * k[0] + (1.0 - c) * k[1],
+            false => in_series(k, [c, 1.0 - c]),
+        }
     }
 }
 

@@ -103,7 +103,7 @@ impl RunningThermal {
         let (family, mut conduction) = thermal.operators(setup, &domain, keys.form)?;
         if let Some(fluids) = &fluids {
             fluids.check(&curves)?;
-            conduction.set_fluids(fluids.materials);
+            conduction.set_fluids(fluids, &curves);
         }
         let refined = Refined::prepare(setup, &domain, family)?;
         let growth = is_growing

@@ -253,7 +253,6 @@ impl RunningThermal {
     pub(super) fn find_stable_step(&mut self, world: &World) {
         self.find_row_sums(world);
         let body = world.body(self.body);
-        let capacity = |m: u16| self.least_capacity(m);
         let points = self
             .integrator
             .row_sums()
@@ -264,7 +263,7 @@ impl RunningThermal {
         let stable_step = match (known, &self.carried) {
             (Some(known), None) => known,
             (None, None) => {
-                let limits = points.map(|([sum], &m)| capacity(m) / sum);
+                let limits = points.map(|([sum], &m)| self.longest_step(m, *sum, 0.0));
                 limits.fold(f64::INFINITY, f64::min)
             }
             (_, Some(carried)) => {
@@ -276,7 +275,7 @@ impl RunningThermal {
                     let at = Diffusion {
                         conductivity: self.conduction.largest_conductivity(m),
                         row_sum: *sum,
-                        capacity: capacity(m),
+                        capacity: self.curves[m as usize].minimum_capacity(),
                     };
                     carried.stable_step(at, speed, *spacing)
                 });
@@ -293,13 +292,17 @@ impl RunningThermal {
         self.integrator.set_stable_step(stable_step);
     }
 
-    /// Least heat capacity of a point of a material, J/(m³ K); of two fluids either may be there.
-    fn least_capacity(&self, material: u16) -> f64 {
+    /// Longest stable step (s) of a point of a material with this sum over its bonds and this conductance of its surface,
+    /// W/(m³ K). Of two fluids either may be there, and the diffusivity of a mixture is not above the larger one of both.
+    fn longest_step(&self, material: u16, row_sum: f64, at_surface: f64) -> f64 {
         let least = |m: u16| self.curves[m as usize].minimum_capacity();
-        match self.fluids.map(|fluids| fluids.materials.map(least)) {
-            Some([first, second]) => first.min(second),
-            None => least(material),
-        }
+        let Some(fluids) = self.fluids else {
+            return least(material) / (row_sum + at_surface);
+        };
+        let fluids = fluids.materials.into_iter();
+        let steps = fluids.zip(self.conduction.fluid_ratios());
+        let steps = steps.map(|(m, ratio)| least(m) / (ratio * row_sum + at_surface));
+        steps.fold(f64::INFINITY, f64::min)
     }
 
     /// The stable step of points at the surface, s: the conductances of bonds and of the exchange over their capacity.
@@ -321,8 +324,7 @@ impl RunningThermal {
         let row_sums = self.integrator.row_sums();
         let mut step = f64::INFINITY;
         surface.visit_stiffness(hottest, conductivity, |point, at_point| {
-            let capacity = self.least_capacity(material[point]);
-            step = step.min(capacity / (row_sums[point][0] + at_point));
+            step = step.min(self.longest_step(material[point], row_sums[point][0], at_point));
         });
         self.exchange_limit = Some(ExchangeLimit { found_for, step });
         step

@@ -40,6 +40,7 @@ fn both() -> Vec<PropertyCheck> {
         // CRC Handbook
         constant("boiling_temperature", 2792.15),
         constant("vaporisation_heat", 294e3 / (1e-3 * AL)),
+        constant("molar_mass", 1e-3 * AL),
         constant("emissivity", 0.3),
         // Rakic (1995)
         constant(

@@ -75,9 +75,18 @@ impl Element {
     }
 }
 
-/// Boiling point (K) of a melt at 1 atm by Raoult's law with Clausius and Clapeyron's vapour pressures, and the heat of
-/// vaporisation (J/kg) of its first vapour. `melt`: elements and mass %.
-pub(super) fn boiling(melt: &[(&str, f64)]) -> (f64, f64) {
+/// A melt that boils at 1 atm.
+pub(super) struct Boiling {
+    /// K.
+    pub(super) temperature: f64,
+    /// Heat of vaporisation of the first vapour, J/kg.
+    pub(super) heat: f64,
+    /// Molar mass of the first vapour, kg/mol.
+    pub(super) molar_mass: f64,
+}
+
+/// Boiling of a melt by Raoult's law with Clausius and Clapeyron's vapour pressures. `melt`: elements and mass %.
+pub(super) fn boiling(melt: &[(&str, f64)]) -> Boiling {
     let moles: f64 = melt
         .iter()
         .map(|(e, w)| w / Element::of(e).molar_mass)
@@ -109,7 +118,11 @@ pub(super) fn boiling(melt: &[(&str, f64)]) -> (f64, f64) {
             .map(|((e, _), p)| p * f(Element::of(e)))
             .sum()
     };
-    (low, 1e3 * sum(|e| e.vaporisation) / sum(|e| e.molar_mass))
+    Boiling {
+        temperature: low,
+        heat: 1e3 * sum(|e| e.vaporisation) / sum(|e| e.molar_mass),
+        molar_mass: 1e-3 * sum(|e| e.molar_mass) / pressures.iter().sum::<f64>(),
+    }
 }
 
 /// Mass fractions times molar values (J/mol, J/(mol K)) over molar masses (g/mol), per kg.
@@ -136,6 +149,7 @@ fn a_surface_that_reflects_nothing_emits_all_and_a_mirror_nothing() {
 
 #[test]
 fn raoults_law_gives_the_boiling_point_that_kim_has_for_316l() {
-    let (temperature, _) = boiling(&[("Fe", 69.0), ("Cr", 17.0), ("Ni", 12.0), ("Mo", 2.0)]);
+    let melt = [("Fe", 69.0), ("Cr", 17.0), ("Ni", 12.0), ("Mo", 2.0)];
+    let Boiling { temperature, .. } = boiling(&melt);
     assert!((temperature - 3090.0).abs() < 2.0, "{temperature}");
 }

@@ -43,7 +43,7 @@ const IN625_THERMAL_EXPANSION: [(f64, f64); 9] = [
 ];
 
 pub(super) fn in625() -> Vec<PropertyCheck> {
-    let (boiling, vaporisation) = boiling(&[
+    let boiling = boiling(&[
         ("Ni", 62.5),
         ("Cr", 21.5),
         ("Mo", 9.0),
@@ -78,8 +78,9 @@ pub(super) fn in625() -> Vec<PropertyCheck> {
         constant("solidus", solidus + 273.15),
         constant("liquidus", 1350.0 + 273.15),
         constant("latent_heat", 2.9e5),
-        constant("boiling_temperature", boiling),
-        constant("vaporisation_heat", vaporisation),
+        constant("boiling_temperature", boiling.temperature),
+        constant("vaporisation_heat", boiling.heat),
+        constant("molar_mass", boiling.molar_mass),
         celsius("thermal_expansion", 1e-6, &IN625_THERMAL_EXPANSION),
         constant("expansion_reference", 294.15),
         constant("viscosity", 7.0e-3),
@@ -116,7 +117,7 @@ pub(super) fn in625() -> Vec<PropertyCheck> {
 }
 
 pub(super) fn in718() -> Vec<PropertyCheck> {
-    let (boiling, vaporisation) = boiling(&[
+    let boiling = boiling(&[
         ("Ni", 52.5),
         ("Cr", 19.0),
         ("Fe", 19.0),
@@ -159,8 +160,9 @@ pub(super) fn in718() -> Vec<PropertyCheck> {
         constant("conductivity.liquid", 30.0),
         constant("solidus", 1260.0 + 273.15),
         constant("liquidus", 1336.0 + 273.15),
-        constant("boiling_temperature", boiling),
-        constant("vaporisation_heat", vaporisation),
+        constant("boiling_temperature", boiling.temperature),
+        constant("vaporisation_heat", boiling.heat),
+        constant("molar_mass", boiling.molar_mass),
         rows(
             "thermal_expansion",
             &[

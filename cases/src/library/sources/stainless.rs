@@ -54,7 +54,7 @@ fn melt(from: f64) -> Vec<PropertyCheck> {
 }
 
 pub(super) fn s304l() -> Vec<PropertyCheck> {
-    let (boiling, vaporisation) = boiling(&[("Fe", 72.0), ("Cr", 19.0), ("Ni", 9.0)]);
+    let boiling = boiling(&[("Fe", 72.0), ("Cr", 19.0), ("Ni", 9.0)]);
     let calorie = 4184.0;
     let mut checks = vec![
         constant(
@@ -69,8 +69,9 @@ pub(super) fn s304l() -> Vec<PropertyCheck> {
         constant("solidus", 1670.0),
         constant("liquidus", 1730.0),
         constant("latent_heat", calorie * 64.0),
-        constant("boiling_temperature", boiling),
-        constant("vaporisation_heat", vaporisation),
+        constant("boiling_temperature", boiling.temperature),
+        constant("vaporisation_heat", boiling.heat),
+        constant("molar_mass", boiling.molar_mass),
         celsius(
             "yield_stress",
             220e6,
@@ -111,6 +112,10 @@ pub(super) fn s316l() -> Vec<PropertyCheck> {
         constant("latent_heat", 2.68e5),
         constant("boiling_temperature", 3090.0),
         constant("vaporisation_heat", 7.41e6),
+        constant(
+            "molar_mass",
+            boiling(&[("Fe", 69.0), ("Cr", 17.0), ("Ni", 12.0), ("Mo", 2.0)]).molar_mass,
+        ),
         celsius(
             "yield_stress",
             240e6,

@@ -95,6 +95,7 @@ pub(super) fn s355() -> Vec<PropertyCheck> {
         constant("latent_heat", 13_810.0 / iron),
         constant("boiling_temperature", 3134.15),
         constant("vaporisation_heat", 349_576.0 / iron),
+        constant("molar_mass", iron),
         formula("thermal_expansion", 373.15, 1473.15, expansion),
         constant("expansion_reference", 293.15),
         celsius("youngs_modulus", 210e9, STIFFNESS).floor(1273.0),

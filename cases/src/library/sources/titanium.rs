@@ -63,6 +63,7 @@ pub(super) fn ti_6al_4v() -> Vec<PropertyCheck> {
         constant("latent_heat", 2.86e5),
         constant("boiling_temperature", 3533.0),
         constant("vaporisation_heat", 9.83e6),
+        constant("molar_mass", 0.047867),
         rows(
             "thermal_expansion",
             &[

@@ -81,6 +81,7 @@ pub(super) fn water() -> Vec<PropertyCheck> {
         constant("latent_heat", 333_426.0),
         constant("boiling_temperature", 373.1243),
         constant("vaporisation_heat", 2_256_472.0),
+        constant("molar_mass", 0.018_015_268),
         constant("thermal_expansion", 4.98892e-5),
         constant("youngs_modulus", 9.0e9),
         constant("poissons_ratio", 0.32),

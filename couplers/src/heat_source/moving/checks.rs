@@ -82,6 +82,7 @@ impl<S: SourceShape> MovingSource<S> {
             body,
             grid: grid(body),
             activity: None,
+            fraction: None,
         });
         let mut heat = vec![0.0; body.points.len()];
         let heats = |(start, end): (f64, f64)| {

@@ -17,7 +17,7 @@ use nalgebra::Vector3;
 use perimelt_core::SetupError;
 
 /// Most cells in a cross-section of the source: 1 GB of work space.
-const MOST_CELLS: f64 = 1e8;
+pub(super) const MOST_CELLS: f64 = 1e8;
 
 /// Gauss-Legendre nodes on [-1, 1] and weights.
 const GAUSS: [(f64, f64); 4] = [
@@ -47,7 +47,9 @@ pub struct Beam {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scratch {
     pub(super) lateral: Vec<f64>,
-    depth: Vec<f64>,
+    pub(super) depth: Vec<f64>,
+    /// Depths of columns, in layers.
+    pub(super) depths: Vec<f64>,
     along: [Vec<f64>; 2],
     /// Cells of a body without a lattice, and their parts of the power.
     pub(super) parts: Vec<(usize, f64)>,
@@ -55,9 +57,9 @@ pub(super) struct Scratch {
 
 /// The cells of one lateral axis that the source reaches.
 #[derive(Debug, Clone, Copy)]
-struct Span {
-    first: i64,
-    count: usize,
+pub(super) struct Span {
+    pub(super) first: i64,
+    pub(super) count: usize,
     /// Low end of the first cell, seen from the source (m).
     low: f64,
     width: f64,
@@ -67,7 +69,7 @@ struct Span {
 }
 
 impl Span {
-    fn new(grid: &CellGrid, axis: usize, position: f64, reach: f64) -> Self {
+    pub(super) fn new(grid: &CellGrid, axis: usize, position: f64, reach: f64) -> Self {
         if grid.is_thickness(axis) {
             let width = 2.0 * reach;
             return Self {
@@ -173,8 +175,8 @@ impl Beam {
         let depth_axis = self.sampled.heated_surface.face.axis();
         let axes = [(depth_axis + 1) % 3, (depth_axis + 2) % 3];
         let asked = self.asked(&grid, power);
-        let travel = self.travel(axes.map(|axis| pose.direction[axis]));
-        let reach = self.reach(travel);
+        let travel = self.footprint.travel(axes.map(|axis| pose.direction[axis]));
+        let reach = self.footprint.half_lengths(travel);
         let spans = [0, 1].map(|i| Span::new(&grid, axes[i], pose.position[axes[i]], reach[i]));
         let level = self
             .sampled
@@ -182,14 +184,16 @@ impl Beam {
             .level
             .unwrap_or(pose.position[depth_axis]);
         let first_layer = self.fill_depth(&grid, level, self.sampled.sampling, &mut scratch.depth);
-        self.fill_lateral(&spans, travel, self.sampled.sampling, scratch);
+        self.footprint
+            .fill_parts(&spans, travel, self.sampled.sampling, scratch);
         let sum = |parts: &[f64]| parts.iter().sum::<f64>();
         let mut all = sum(&scratch.lateral) * sum(&scratch.depth);
         let mut layer = first_layer;
         if all == 0.0 && self.sampled.normalise {
             // the source lies between the cell centres
             layer = self.fill_depth(&grid, level, Sampling::CellAverage, &mut scratch.depth);
-            self.fill_lateral(&spans, travel, Sampling::CellAverage, scratch);
+            self.footprint
+                .fill_parts(&spans, travel, Sampling::CellAverage, scratch);
             all = sum(&scratch.lateral) * sum(&scratch.depth);
         }
         let scale = if self.sampled.normalise {
@@ -241,8 +245,8 @@ impl Beam {
     ) -> Deposit {
         let depth_axis = self.sampled.heated_surface.face.axis();
         let axes = [(depth_axis + 1) % 3, (depth_axis + 2) % 3];
-        let travel = self.travel(axes.map(|axis| pose.direction[axis]));
-        let reach = self.reach(travel);
+        let travel = self.footprint.travel(axes.map(|axis| pose.direction[axis]));
+        let reach = self.footprint.half_lengths(travel);
         let level = self
             .sampled
             .heated_surface
@@ -265,7 +269,8 @@ impl Beam {
                 let ends = [low[axes[i]], high[axes[i]]];
                 Span::of_cell(&cells.grid, axes[i], pose.position[axes[i]], ends, reach[i])
             });
-            self.fill_lateral(&spans, travel, Sampling::CellAverage, scratch);
+            self.footprint
+                .fill_parts(&spans, travel, Sampling::CellAverage, scratch);
             let lateral: f64 = scratch.lateral.iter().sum();
             let (near, far) = match self.sampled.heated_surface.face.is_upper() {
                 true => (level - high[depth_axis], level - low[depth_axis]),
@@ -292,27 +297,6 @@ impl Beam {
         match self.plate_depth {
             Some(depth) if grid.is_thickness(axis) => power * grid.spacing[axis] / depth,
             _ => power,
-        }
-    }
-
-    /// Half lengths of the box around the turned footprint, m.
-    fn reach(&self, [u, v]: [f64; 2]) -> [f64; 2] {
-        let [along, across] = self.footprint.reach();
-        let (cos, sin) = (u.abs(), v.abs());
-        [cos * along + sin * across, sin * along + cos * across]
-    }
-
-    /// Unit vector of travel on the heated face; exactly along an axis if it is so within rounding.
-    fn travel(&self, direction: [f64; 2]) -> [f64; 2] {
-        let length = direction[0].hypot(direction[1]);
-        if self.footprint.is_round() || length < 1e-12 {
-            return [1.0, 0.0];
-        }
-        let [u, v] = direction.map(|component| component / length);
-        match (u.abs() < 1e-12, v.abs() < 1e-12) {
-            (_, true) => [u.signum(), 0.0],
-            (true, _) => [0.0, v.signum()],
-            _ => [u, v],
         }
     }
 
@@ -351,16 +335,39 @@ impl Beam {
         }));
         first
     }
+}
+
+impl Footprint {
+    /// Half lengths of the box around the turned footprint, m.
+    pub(super) fn half_lengths(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        let [along, across] = self.reach();
+        let (cos, sin) = (u.abs(), v.abs());
+        [cos * along + sin * across, sin * along + cos * across]
+    }
+
+    /// Unit vector of travel on the heated face; exactly along an axis if it is so within rounding.
+    pub(super) fn travel(&self, direction: [f64; 2]) -> [f64; 2] {
+        let length = direction[0].hypot(direction[1]);
+        if self.is_round() || length < 1e-12 {
+            return [1.0, 0.0];
+        }
+        let [u, v] = direction.map(|component| component / length);
+        match (u.abs() < 1e-12, v.abs() < 1e-12) {
+            (_, true) => [u.signum(), 0.0],
+            (true, _) => [0.0, v.signum()],
+            _ => [u, v],
+        }
+    }
 
     /// Parts of the power in the columns of cells, first span fastest.
-    fn fill_lateral(
+    pub(super) fn fill_parts(
         &self,
         spans: &[Span; 2],
         travel: [f64; 2],
         sampling: Sampling,
         scratch: &mut Scratch,
     ) {
-        let shape = &self.footprint;
+        let shape = self;
         let table = &mut scratch.lateral;
         table.clear();
         let [u, v] = travel;
@@ -408,7 +415,7 @@ impl Beam {
 }
 
 /// The offsets from `first` that lie on the body.
-fn inside(first: i64, count: usize, dim: usize) -> std::ops::Range<usize> {
+pub(super) fn inside(first: i64, count: usize, dim: usize) -> std::ops::Range<usize> {
     let end = (dim as i64 - first).clamp(0, count as i64);
     let start = (-first).clamp(0, end);
     start as usize..end as usize

@@ -48,6 +48,14 @@ impl Depositor {
                 beam.check_size(grid)?;
                 beam.sampled.heated_surface.axis(grid)?
             }
+            PowerDensity::Interface(beam) => {
+                beam.check_size(grid)?;
+                let surface = &beam.sampled.heated_surface;
+                match surface.direction {
+                    Some(_) => return Err(no_direction("a beam absorbed at an interface")),
+                    None => None,
+                }
+            }
             PowerDensity::Point(_) => None,
             PowerDensity::Sampled(sampled) => {
                 sampled.check(grid)?;
@@ -84,6 +92,11 @@ impl Depositor {
                 let expected = "no `sampling`, or a body with `spacing`";
                 Err(SetupError::value("sampling", message, expected))
             }
+            PowerDensity::Interface(_) => {
+                let message = "a beam that an interface absorbs needs the cells of a lattice";
+                let expected = "a body with `spacing`";
+                Err(SetupError::value("penetration", message, expected))
+            }
             _ => Ok(()),
         }
     }
@@ -101,6 +114,8 @@ impl Depositor {
             PowerDensity::Beam(beam) => {
                 beam.add_to_cells(cells, pose, power, values, &mut self.scratch)
             }
+            // refused at set-up
+            PowerDensity::Interface(_) => Deposit::default(),
             PowerDensity::Sampled(density) => {
                 density.add_to_cells(cells, pose, power, values, &mut self.scratch.parts)
             }
@@ -128,6 +143,7 @@ impl Depositor {
                 let sampled = beam.tilted(pose, axis);
                 sampled.add(body, power, values, &mut scratch.lateral)
             }
+            (PowerDensity::Interface(beam), _) => beam.add(body, pose, power, values, scratch),
             (PowerDensity::Beam(beam), None) => beam.add(body, pose, power, values, scratch),
             (PowerDensity::Sampled(density), axis) => {
                 let sampled = density.sampled(pose, axis);

@@ -48,6 +48,11 @@ pub trait HeatedBody {
 
     /// Volume of a point (m³).
     fn volume(&self, point: usize) -> f64;
+
+    /// Fraction of the first of two fluids at a point, where there are two.
+    fn first_fluid(&self, _point: usize) -> Option<f64> {
+        None
+    }
 }
 
 /// Depth range of cell `index`, in spacings, below a face at `level`, in spacings.

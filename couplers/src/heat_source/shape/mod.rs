@@ -6,7 +6,7 @@
 //! | [`Gaussian`] | `gaussian.rs` | `exp(-r^2 / 2 sigma^2)`, spread evenly over an effective depth |
 //! | [`SemiEllipsoid`] | `ellipsoid.rs` | `exp(-3 xi^2/c^2 - 3 eta^2/a^2 - 3 zeta^2/b^2)` |
 //! | [`Goldak`] | `ellipsoid.rs` | `SemiEllipsoid` with different lengths in front and behind |
-//! | [`SuperGaussian`] | `super_gaussian.rs` | `exp(-2 (r/w)^k)`, times a choice of depth profiles |
+//! | [`SuperGaussian`] | `super_gaussian.rs` | `exp(-2 (r/w)^k)`, times a choice of depth profiles, or at an interface (`interface_beam.rs`) |
 //! | [`Profile`] | `formula_profile.rs` | a formula in x, y, z and r |
 //! | a shape of another crate | | any [`Density`] |
 //! | [`PulsedLaser`] | `pulsed.rs` | `exp(-zeta/l)` under a whole face, a pulse in time, no toolpath |
@@ -31,6 +31,7 @@ mod ellipsoid;
 mod formula_profile;
 mod gaussian;
 mod heated_body;
+mod interface_beam;
 mod point;
 mod profile;
 mod pulsed;
@@ -48,6 +49,7 @@ pub use ellipsoid::{Goldak, SemiEllipsoid};
 pub use formula_profile::Profile;
 pub use gaussian::Gaussian;
 pub use heated_body::{CellGrid, HeatedBody, HeatedSurface};
+pub use interface_beam::InterfaceBeam;
 pub use point::{Dwell, Point};
 pub use pulsed::PulsedLaser;
 pub use super_gaussian::{Penetration, SuperGaussian};
@@ -78,6 +80,11 @@ pub trait SourceShape: std::fmt::Debug {
         Ok(())
     }
 
+    /// Whether the interface of two fluids absorbs the power.
+    fn heats_interface(&self) -> bool {
+        false
+    }
+
     /// The power density on a body with the cells of `grid`.
     ///
     /// # Errors
@@ -92,6 +99,8 @@ pub enum PowerDensity {
     Point(Point),
     /// A footprint on the heated face times a depth profile, with exact averages of cells.
     Beam(Beam),
+    /// A footprint that the first of two fluids absorbs at their interface.
+    Interface(InterfaceBeam),
     /// Any density, which is sampled.
     Sampled(DensityOnFace),
 }

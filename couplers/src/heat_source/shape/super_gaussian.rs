@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{CellGrid, CellSampling, HeatedSurface, PowerDensity, SourceShape};
+use super::{CellGrid, CellSampling, HeatedSurface, InterfaceBeam, PowerDensity, SourceShape};
 use perimelt_core::numbers::{check_fraction, check_positive, check_within};
+use perimelt_core::world::TwoFluids;
 
 /// Wavelengths at which absorptivities of materials hold, m: fibre, disc, Nd:YAG and diode lasers.
 const TABULATED: std::ops::RangeInclusive<f64> = 0.8e-6..=1.2e-6;
@@ -39,14 +40,21 @@ flattened! {
         #[serde(default = "gaussian_order")]
         #[schemars(extend("minimum" = 1, "maximum" = 50))]
         pub order: f64,
-        /// l, depth (m) with the meaning that `penetration` gives it. A 2D plate absorbs all power through its thickness.
+        /// l, depth (m) with the meaning that `penetration` gives it. A 2D plate absorbs all power through its thickness. Only a beam
+        /// that an interface absorbs has none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0))]
-        pub penetration_depth: f64,
+        pub penetration_depth: Option<f64>,
         /// How the power falls with depth, at the same total: `uniform` down to l; `linear` to zero at l; `gaussian`,
         /// exp(-2 (zeta/l)^2), as `radius` across the beam and as in other codes; `exponential`, exp(-zeta/l), the law of Beer
-        /// and Lambert. Power deeper than l: none, none, 5 %, 37 %. Mean depth: 0.5, 0.33, 0.4 and 1 l. Default `exponential`.
+        /// and Lambert. Power deeper than l: none, none, 5 %, 37 %. Mean depth: 0.5, 0.33, 0.4 and 1 l. `interface`: where the beam meets
+        /// the first of two fluids (`fluids` of `fluid`), without `penetration_depth`. Default `exponential`.
         #[serde(default)]
         pub penetration: Penetration,
+        /// Whether a depression of an interface absorbs what its walls reflect: the absorptivity is then A/(A + (1 - A) s/S), with
+        /// the area s of its opening and S of its wall below the level of the toolpath. Only with `penetration = "interface"`; default no.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        pub reflections: bool,
     }
 }
 
@@ -63,10 +71,37 @@ pub enum Penetration {
     Gaussian,
     /// `2/l (1 - zeta/l)` down to l, as in a keyhole whose wall absorbs less with depth.
     Linear,
+    /// At the interface of two fluids, in the first one, column by column along the beam.
+    Interface,
 }
 
 fn gaussian_order() -> f64 {
     2.0
+}
+
+impl SuperGaussian {
+    /// The depth that the beam heats, m.
+    fn depth(&self) -> Result<f64, SetupError> {
+        match self.penetration_depth {
+            Some(depth) => check_positive("penetration_depth", depth, "m"),
+            None => {
+                let message = "the depth that the beam heats is missing";
+                let expected =
+                    "`penetration_depth` in m, or `penetration = \"interface\"` between two fluids";
+                Err(SetupError::value("penetration_depth", message, expected))
+            }
+        }
+    }
+}
+
+/// Refuses the depth of a beam that an interface absorbs.
+fn need_no_depth(depth: Option<f64>) -> Result<(), SetupError> {
+    let message = "a beam that an interface absorbs has no depth";
+    let expected = "no `penetration_depth`, or another `penetration`";
+    match depth {
+        None => Ok(()),
+        Some(_) => Err(SetupError::value("penetration_depth", message, expected)),
+    }
 }
 
 impl SourceShape for SuperGaussian {
@@ -86,8 +121,20 @@ impl SourceShape for SuperGaussian {
         self.sampled.heated_surface
     }
 
-    /// Takes the absorptivity of the material, where the case gives none.
+    fn heats_interface(&self) -> bool {
+        self.penetration == Penetration::Interface
+    }
+
+    /// Takes the absorptivity of the material, where the case gives none; at an interface that of the first fluid.
     fn complete(&mut self, setup: &Setup<'_>, body: usize) -> Result<(), SetupError> {
+        let fluids = setup.facts::<TwoFluids>(body).next();
+        if fluids.is_none() && self.heats_interface() {
+            let name = &setup.body(body).name;
+            let message =
+                format!("no two fluids flow through body `{name}`, so that it has no interface");
+            let expected = "`fluids` of the physics `fluid`, or another `penetration`";
+            return Err(SetupError::value("penetration", message, expected));
+        }
         if self.absorptivity.is_some() {
             return Ok(());
         }
@@ -99,7 +146,12 @@ impl SourceShape for SuperGaussian {
             ));
         }
         let mut found: Option<f64> = None;
-        for material in &setup.body(body).materials {
+        let first = fluids.filter(|_| self.heats_interface());
+        let first = first.and_then(|fluids| fluids.indices(setup.body(body)));
+        let materials = setup.body(body).materials.iter().enumerate();
+        let absorbing =
+            materials.filter(|(m, _)| first.is_none_or(|[first, _]| *m == usize::from(first)));
+        for (_, material) in absorbing {
             let Some(value) = material.get("absorptivity").and_then(|p| p.constant()) else {
                 let name = material.name();
                 return refuse(format!("material `{name}` has no constant `absorptivity`"));
@@ -120,18 +172,39 @@ impl SourceShape for SuperGaussian {
         }
         let radius = check_positive("radius", self.radius, "m")?;
         let order = check_within("order", self.order, 1.0, 50.0)?;
-        let length = check_positive("penetration_depth", self.penetration_depth, "m")?;
-        Ok(PowerDensity::Beam(Beam {
-            footprint: Footprint::super_gaussian(radius, order),
-            depth: match self.penetration {
-                Penetration::Exponential => DepthProfile::Exponential { length },
-                Penetration::Uniform => DepthProfile::Uniform { depth: length },
-                Penetration::Linear => DepthProfile::Linear { depth: length },
-                // exp(-2 zeta²/l²) = exp(-3 zeta²/b²)
-                Penetration::Gaussian => DepthProfile::Bell {
-                    depth: length * 1.5_f64.sqrt(),
-                },
+        if self.reflections && self.penetration != Penetration::Interface {
+            let message = "a beam that is absorbed in depth is not reflected to other walls";
+            let expected = "`penetration = \"interface\"`, or no `reflections`";
+            return Err(SetupError::value("reflections", message, expected));
+        }
+        let footprint = Footprint::super_gaussian(radius, order);
+        let depth = match self.penetration {
+            Penetration::Interface => {
+                need_no_depth(self.penetration_depth)?;
+                return Ok(PowerDensity::Interface(InterfaceBeam {
+                    footprint,
+                    sampled: self.sampled.clone(),
+                    reflecting: self.reflections.then(|| self.absorptivity.unwrap_or(1.0)),
+                    widest_key: "radius",
+                }));
+            }
+            Penetration::Exponential => DepthProfile::Exponential {
+                length: self.depth()?,
             },
+            Penetration::Uniform => DepthProfile::Uniform {
+                depth: self.depth()?,
+            },
+            Penetration::Linear => DepthProfile::Linear {
+                depth: self.depth()?,
+            },
+            // exp(-2 zeta²/l²) = exp(-3 zeta²/b²)
+            Penetration::Gaussian => DepthProfile::Bell {
+                depth: self.depth()? * 1.5_f64.sqrt(),
+            },
+        };
+        Ok(PowerDensity::Beam(Beam {
+            footprint,
+            depth,
             plate_depth: None,
             sampled: self.sampled.clone(),
             widest_key: "radius",

@@ -60,7 +60,8 @@ impl Projection {
                 _ => phase.find::<3>(bonds, &mut self.slots),
             }
         }
-        self.apply_tension();
+        self.load_frozen(density);
+        self.load_tension();
     }
 
     /// Finds the velocity behind the surfaces of bodies that are walls.
@@ -216,12 +217,14 @@ impl Projection {
         acceleration
     }
 
-    /// Finds the velocity in the middle of the step, with the acceleration of pressure and forces of the last step.
+    /// Finds the velocity in the middle of the step, with the acceleration of pressure and forces of the last step. After a step that was much
+    /// shorter, which ended on an event, the tolerance of the pressure over that step would be most of the acceleration: it then acts as
+    /// long as it did.
     pub(super) fn find_middle(&mut self, dt: f64, density: &[f64]) {
         let mut middle = std::mem::take(&mut self.middle);
         let before = match self.state.step {
             0.0 => 0.0,
-            step => 1.0 / step,
+            step => dt.min(step) / (dt * step),
         };
         let points = middle.par_iter_mut().enumerate();
         points
@@ -248,6 +251,10 @@ impl Projection {
                 }
             }
             *acceleration = Vector3::zeros();
+            if state.frozen.get(i) == Some(&true) {
+                *predicted = Vector3::zeros();
+                return;
+            }
             for a in 0..self.dimension {
                 acceleration[a] = terms.body_acceleration(i, a);
             }
@@ -275,6 +282,7 @@ impl Projection {
         let middle = std::mem::take(&mut self.middle);
         self.find_carried::<D, C, O>(terms, layer, &middle);
         self.middle = middle;
+        self.find_frozen();
         self.set_tension();
         self.find_interface(density);
         self.find_surface_force::<D>(density);
@@ -289,9 +297,11 @@ impl Projection {
     pub(super) fn divergence(&self, terms: &Terms<'_>) -> f64 {
         let speed = largest(&self.state.predicted);
         let gained = terms.dt * largest(&self.state.acceleration);
-        let tension = |phase: &Phase| phase.mobility(0.0, self.spacing);
-        let capillary = self.phase.as_ref().map_or(0.0, tension);
-        self.tolerance * speed.max(gained).max(capillary) / self.spacing
+        let pressure = &self.state.interface_pressure;
+        let pressure = pressure.iter().copied().fold(0.0, f64::max);
+        let surface = |phase: &Phase| phase.surface_speed(pressure, self.spacing);
+        let surface = self.phase.as_ref().map_or(0.0, surface);
+        self.tolerance * speed.max(gained).max(surface) / self.spacing
     }
 
     pub(super) fn find_push<const D: usize, const I: usize>(&mut self) {

@@ -7,7 +7,9 @@
 //!
 //! with the fluxes U of volume and C of the first fluid that carry the fraction c in the same step: fluxes of enthalpy are opposite at the
 //! two ends of each bond, so that heat is conserved to rounding, and a uniform temperature T_0 stays exactly uniform, however exactly
-//! the pressure was found. T_0 is the mean temperature, T that in the middle of the step. `thermal` takes up the amounts dh.
+//! the pressure was found. Where the first fluid is a metal that freezes, the gas takes the enthalpy of the end which it leaves, and so does the metal to
+//! the degree that one end lacks it: gas heats and cools by thousands of kelvin from point to point, and a mean of both ends would take heat
+//! from points that have none. T_0 is the mean temperature, T that in the middle of the step. `thermal` takes up the amounts dh.
 
 use perimelt_core::family::Mirrored;
 use perimelt_core::material::EnthalpyCurve;
@@ -24,6 +26,8 @@ use crate::heat_content::{HeatContent, Mixture};
 /// Heat that flows out of a point, W/m³, from the inputs of [`Carry`] and the enthalpies `e_1`, `e_2`.
 struct CarryHeat<const D: usize> {
     carry: Carry<D>,
+    /// 1 between metal and gas, else 0.
+    upwind: f64,
 }
 
 impl<const D: usize> CarryHeat<D> {
@@ -37,9 +41,27 @@ impl<const D: usize, const I: usize> BondKernel<I, 1> for CarryHeat<D> {
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; 1] {
         let fluxes = self.carry.fluxes(bond, &own, &other);
         let second = 2.0 * fluxes.half_volume - fluxes.first;
-        let first = fluxes.first * (own[Self::FIRST] + other[Self::FIRST]);
-        [0.5 * (first + second * (own[Self::SECOND] + other[Self::SECOND]))]
+        let fraction = Inputs::<D>::FRACTION;
+        let least = own[fraction].min(other[fraction]).clamp(0.0, 1.0);
+        let of_first = carried(
+            fluxes.first,
+            self.upwind * (1.0 - least),
+            [own[Self::FIRST], other[Self::FIRST]],
+        );
+        let of_second = carried(
+            second,
+            self.upwind,
+            [own[Self::SECOND], other[Self::SECOND]],
+        );
+        [of_first + of_second]
     }
+}
+
+/// Heat that a flux from the first to the second of two ends carries: with the mean of the enthalpies of both, and with the part `upwind`
+/// that of the end which it leaves.
+#[inline(always)]
+fn carried(flux: f64, upwind: f64, [own, other]: [f64; 2]) -> f64 {
+    0.5 * flux * (own + other - upwind.copysign(flux) * (other - own))
 }
 
 const INPUTS_2D: usize = CarryHeat::<2>::COUNT;
@@ -196,6 +218,7 @@ impl Projection {
         let volume = self.volume::<D>(self.state.step);
         let kernel = CarryHeat {
             carry: Carry { volume, layer },
+            upwind: f64::from(u8::from(self.freezing.is_some())),
         };
         let phase = self.phase.as_ref();
         let before = |point: usize| self.slots.fraction[self.slot[point] as usize];

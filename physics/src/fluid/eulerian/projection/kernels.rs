@@ -5,7 +5,7 @@ use perimelt_core::{Bond, BondKernel};
 use crate::fluid::viscosity::of_bond;
 
 /// Where the inputs of the kernels begin: pressure, density, coordinates of mirror points, acceleration by forces, surface tension
-/// times curvature, the step H between two fluids, velocity before the pressure acts, velocity that is carried, fraction of the
+/// times curvature, the step H between two fluids, whether the point is open, velocity before the pressure acts, velocity that is carried, fraction of the
 /// first fluid and what keeps its layer thin; and how many each kernel has.
 pub(super) struct Inputs<const D: usize>;
 
@@ -16,13 +16,20 @@ impl<const D: usize> Inputs<D> {
     pub(super) const ACCELERATION: usize = Self::PLACE + D;
     pub(super) const TENSION: usize = Self::ACCELERATION + D;
     pub(super) const STEP: usize = Self::TENSION + 1;
-    pub(super) const PREDICTED: usize = Self::STEP + 1;
+    pub(super) const OPEN: usize = Self::STEP + 1;
+    pub(super) const PREDICTED: usize = Self::OPEN + 1;
     pub(super) const CARRIED: usize = Self::PREDICTED + D;
     pub(super) const PUSH: usize = Self::PREDICTED;
     pub(super) const VOLUME: usize = Self::CARRIED;
     pub(super) const FRACTION: usize = Self::CARRIED + D;
     pub(super) const COMPRESSION: usize = Self::FRACTION + 1;
     pub(super) const CARRY: usize = Self::COMPRESSION + D;
+}
+
+/// 1 for a bond between points where something flows, 0 for others.
+#[inline(always)]
+fn open<const D: usize, const I: usize>(own: &[f64; I], other: &[f64; I]) -> f64 {
+    own[Inputs::<D>::OPEN] * other[Inputs::<D>::OPEN]
 }
 
 /// `beta_ij [G_ij - (p_j - p_i)]`, m²/s².
@@ -57,7 +64,7 @@ impl<const D: usize> Volume<D> {
             let v = Inputs::<D>::PREDICTED + a;
             along += (own[v] + other[v]) * bond.xi[a];
         }
-        bond.weight * self.inverse * along
+        open::<D, I>(own, other) * bond.weight * self.inverse * along
     }
 }
 
@@ -109,7 +116,8 @@ impl<const D: usize> Carry<D> {
             let q = Inputs::<D>::COMPRESSION + a;
             thinning -= bond.xi[a] * (own[q] + other[q]);
         }
-        thinning *= self.layer.mobility * bond.weight * self.volume.inverse;
+        thinning *= open::<D, I>(own, other) * self.layer.mobility * bond.weight;
+        thinning *= self.volume.inverse;
         let half_volume = 0.5 * self.volume.flux(bond, own, other);
         Fluxes {
             half_volume,
@@ -136,6 +144,9 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Carry<
     }
 }
 
+/// Viscosity of a point that has frozen, Pa s: so large that the mean of halves in series is twice that of the other end.
+pub(super) const RIGID: f64 = 1e150;
+
 /// Where the sums of [`JumpingViscosity`] begin: force, work, gradient of the velocity by rows, gradient of the viscosity.
 pub(super) struct JumpSums<const D: usize>;
 
@@ -160,8 +171,21 @@ impl JumpingViscosity {
         other: [f64; I],
     ) -> [f64; O] {
         let weight = bond.weight * self.inverse;
-        let viscous = 2.0 * weight * of_bond::<true>(own[D], other[D]);
-        let rise = other[D] - own[D];
+        let (is_rigid, beside_rigid) = (own[D] == RIGID, other[D] == RIGID);
+        // with a rigid end it is twice the viscosity of the other one: the fluid rests half way between both
+        let of_bond = of_bond::<true>(own[D], other[D]);
+        let viscous = 2.0
+            * weight
+            * if is_rigid && beside_rigid {
+                0.0
+            } else {
+                of_bond
+            };
+        let rise = if is_rigid || beside_rigid {
+            0.0
+        } else {
+            other[D] - own[D]
+        };
         let mut sums = [0.0; O];
         for a in 0..D {
             let difference = other[a] - own[a];
@@ -201,7 +225,8 @@ pub(super) struct Push {
 impl<const D: usize, const I: usize> BondKernel<I, D> for Push {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; D] {
-        let part = bond.weight * self.inverse * push::<D, I>(&own, &other);
+        let part = open::<D, I>(&own, &other) * bond.weight * self.inverse;
+        let part = part * push::<D, I>(&own, &other);
         let mut sums = [0.0; D];
         for (sum, xi) in sums.iter_mut().zip(bond.xi) {
             *sum = part * xi;
@@ -210,7 +235,7 @@ impl<const D: usize, const I: usize> BondKernel<I, D> for Push {
     }
 }
 
-/// `sum_j 2 b beta_ij (q_i - q_j)`, from q and the density.
+/// `sum_j 2 b beta_ij (q_i - q_j)`, from q and the density, which is infinite where nothing flows.
 pub(super) struct Spread {
     /// `2 / a`, 1/m.
     pub(super) laplacian: f64,

@@ -15,6 +15,7 @@
 //! velocity is mirrored, so that nothing flows through. See docs/theory/fluids.md, "Fluids that keep their volume".
 
 mod flow;
+mod freezing;
 pub(in crate::fluid) mod heat;
 mod kernels;
 pub(in crate::fluid) mod pair;
@@ -31,6 +32,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use perimelt_core::family::{LayerRule, Mirrored};
+use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::plugin::check_length;
 use perimelt_core::solver::SolverError;
 use perimelt_core::solver::reduce::dot;
@@ -39,8 +41,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use flow::largest;
+use freezing::Freezing;
 use heat::{FlowHeat, HeatedFluid};
-use kernels::{Inputs, JumpSums};
+use kernels::{Inputs, JumpSums, RIGID};
 use pair::FluidPair;
 use phase::{InterfaceReport, Measured, Phase};
 use pressure::{PressureBonds, PressureSolver};
@@ -82,6 +85,8 @@ pub(in crate::fluid) struct Projection {
     mixed_viscosity: Vec<f64>,
     /// What two fluids have besides.
     phase: Option<Phase>,
+    /// Where the first of two fluids freezes.
+    freezing: Option<Freezing>,
     /// Heat that is carried, where `thermal` takes it up.
     heat: Option<FlowHeat>,
     /// Where surface tension depends on the temperature.
@@ -121,6 +126,10 @@ pub(in crate::fluid) struct ProjectionState {
     tension: Vec<f64>,
     /// Largest acceleration along surfaces, m/s².
     surface_acceleration: f64,
+    /// Pressure on the interface by point, Pa; empty where nothing presses.
+    interface_pressure: Vec<f64>,
+    /// Whether the first fluid has frozen at a point; empty where it does not freeze.
+    frozen: Vec<bool>,
 }
 
 const PUSH_2D: usize = Inputs::<2>::PUSH;
@@ -174,6 +183,10 @@ impl Projection {
         } = domain;
         let (dimension, points) = (body.dimension, body.points.len());
         let (curves, surfaces) = heat.map(|heat| (heat.curves, heat.surfaces)).unzip();
+        let melting = curves.as_ref().zip(pair.as_ref());
+        let melting = melting.and_then(|(curves, pair): (&Vec<EnthalpyCurve>, _)| {
+            curves[pair.material[0] as usize].latent_heat()
+        });
         Projection {
             dimension,
             complete,
@@ -188,6 +201,7 @@ impl Projection {
             slots: FlowSlots::new(&family, dimension),
             viscosity: SlotField::default(),
             mixed_viscosity: Vec::new(),
+            freezing: melting.map(|melting| Freezing::new(melting, points)),
             heat: curves
                 .map(|curves| FlowHeat::new(curves, pair.as_ref().map(|p| p.material), body)),
             thermocapillary: surfaces
@@ -219,6 +233,13 @@ impl Projection {
         if !state.tension.is_empty() {
             check_length("surface tensions", state.tension.len(), points)?;
         }
+        if !state.interface_pressure.is_empty() {
+            let found = state.interface_pressure.len();
+            check_length("pressures on the interface", found, points)?;
+        }
+        if self.freezing.is_some() {
+            check_length("frozen points", state.frozen.len(), points)?;
+        }
         self.state = state;
         Ok(())
     }
@@ -232,6 +253,7 @@ impl Projection {
     ) {
         if self.state.step == 0.0 {
             self.state.predicted.copy_from_slice(velocity);
+            self.find_frozen();
             self.set_tension();
         }
         self.slots
@@ -251,6 +273,12 @@ impl Projection {
         if let Some(phase) = &mut self.phase {
             phase.fraction.copy_from_slice(fraction);
         }
+    }
+
+    /// Takes the pressure on the interface by point, Pa.
+    pub(in crate::fluid) fn set_interface_pressure(&mut self, pressure: &[f64]) {
+        self.state.interface_pressure.clear();
+        self.state.interface_pressure.extend_from_slice(pressure);
     }
 
     /// Copies the fraction of the first of two fluids to points.
@@ -350,8 +378,12 @@ impl Rates for Projection {
         let points = phase.fraction.par_iter().with_min_len(POINTS_PER_TASK);
         let mixed = points.map(|c| phase.pair.viscosity_of(*c));
         mixed.collect_into_vec(&mut self.mixed_viscosity);
-        let values = &self.mixed_viscosity[..];
-        self.viscosity.load(&self.family, values, Mirrored::Scalar);
+        let (values, frozen) = (&self.mixed_viscosity, &self.state.frozen);
+        let value = |i: usize| match frozen.get(i) {
+            Some(true) => RIGID,
+            _ => values[i],
+        };
+        self.viscosity.load(&self.family, value, Mirrored::Scalar);
     }
 
     fn set_velocity(&mut self, velocity: &[SlotField], density: &[f64], terms: &Terms<'_>) {
@@ -410,7 +442,10 @@ impl Rates for Projection {
         let bonds = PressureBonds {
             family: &self.family,
             laplacian: 2.0 * self.inverse(),
-            density: &self.slots.density,
+            density: match &self.freezing {
+                Some(freezing) => &freezing.inertia,
+                None => &self.slots.density,
+            },
         };
         let tolerance = self.divergence(terms);
         self.iterations = self.solver.solve(bonds, &self.excess, tolerance)?;

@@ -6,20 +6,13 @@ use perimelt_core::law::Law;
 use perimelt_core::material::Property;
 use perimelt_core::numbers::{check_at_least, check_positive};
 use perimelt_core::world::{BodyIndex, ContactAngle, WallPlace};
-use perimelt_core::{Body, Fact, Key, Setup, SetupError, SurfaceTension, TensionLaw};
+use perimelt_core::{Body, Setup, SetupError, SurfaceTension, TensionLaw};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::dependent_keys::need;
 use crate::fluid::viscosity::ViscositySweep;
 use crate::tension::prepare_tension;
-
-/// Fraction of the first of two fluids.
-pub(crate) const FLUID_FRACTION: Key<f64> = Key::new(
-    "fluid_fraction",
-    "1",
-    "volume of the first of two fluids over that of the point",
-);
 
 /// The interface between two fluids.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -153,22 +146,6 @@ pub(in crate::fluid) struct FluidPair {
     pub(in crate::fluid) width: f64,
     /// Angles at which the interface meets walls; none without a tension.
     pub(in crate::fluid) angles: Vec<ContactAngle>,
-}
-
-/// Two fluids flow through the points of a body: the names of their materials.
-#[derive(Clone, Debug)]
-pub(crate) struct TwoFluids(pub(in crate::fluid) Vec<String>);
-
-impl Fact for TwoFluids {}
-
-impl TwoFluids {
-    /// Indices of their materials; `None` where the names are a mistake, which the fluid reports.
-    pub(crate) fn materials(&self, body: &Body) -> Option<[u16; 2]> {
-        match &self.0[..] {
-            [first, second] => Some([index(body, first).ok()?, index(body, second).ok()?]),
-            _ => None,
-        }
-    }
 }
 
 impl FluidPair {

@@ -155,11 +155,7 @@ impl Phase {
             );
         }
         (self.wetting).set_curvature(bonds, &self.distance, eps, &mut self.curvature);
-        let gamma = self.pair.surface_tension;
         let fraction = &self.fraction;
-        let curvature = &self.curvature;
-        let tension = |i: usize| -gamma * curvature[i][0];
-        slots.tension.load(family, tension, Mirrored::Scalar);
         let step = |i: usize| {
             let c = fraction[i];
             c * c * (3.0 - 2.0 * c)
@@ -202,6 +198,12 @@ impl Phase {
     /// Speed at which the layer is kept thin in a flow of this largest speed, m/s.
     pub(super) fn mobility(&self, speed: f64, spacing: f64) -> f64 {
         speed.max(LEAST_SPEED * self.pair.capillary_speed(spacing))
+    }
+
+    /// Speed, small beside those to which tension and a `pressure` on the interface (Pa) may drive the fluids, m/s.
+    pub(super) fn surface_speed(&self, pressure: f64, spacing: f64) -> f64 {
+        let density: f64 = self.pair.density.iter().sum();
+        self.mobility(LEAST_SPEED * (pressure / density).sqrt(), spacing)
     }
 
     /// What is reported of the interface and the first fluid.

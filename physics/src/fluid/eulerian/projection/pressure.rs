@@ -25,7 +25,7 @@ pub(super) struct PressureBonds<'a> {
     pub(super) family: &'a Family,
     /// `2 / a`, 1/m.
     pub(super) laplacian: f64,
-    /// By slot, kg/m³.
+    /// By slot, kg/m³; infinite where nothing flows.
     pub(super) density: &'a SlotField,
 }
 
@@ -60,6 +60,9 @@ impl PressureSolver {
         let points = excess.len() as f64;
         self.krylov.options.absolute_tolerance = tolerance * points.sqrt();
         family.sum(&Diagonal { laplacian }, [density], &mut self.diagonal);
+        // points without a bond over which the pressure acts have no excess either
+        let closed = self.diagonal.iter_mut().filter(|[sum]| *sum == 0.0);
+        closed.for_each(|sum| *sum = [1.0]);
         self.surplus.fill(0.0);
         let slots = &mut self.slots;
         let apply = |q: &[f64], out: &mut [f64]| {

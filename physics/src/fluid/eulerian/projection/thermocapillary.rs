@@ -118,11 +118,13 @@ impl Thermocapillary {
         }
     }
 
-    /// Finds the force along the interface; `normal(point, axis)` points into the first fluid.
+    /// Finds the force along the interface; `normal(point, axis)` points into the first fluid, of which the `liquid` part is given where it
+    /// freezes.
     fn find_interface_force<const D: usize>(
         &mut self,
         temperature: &[f64],
         normal: impl Fn(usize, usize) -> f64 + Sync,
+        liquid: Option<&[[f64; 1]]>,
     ) {
         let Some(law) = &self.interface else {
             return;
@@ -138,7 +140,8 @@ impl Thermocapillary {
                 across += normal(i, a) * slope[a];
                 square += step[a] * step[a];
             }
-            let strength = law.slope(temperature[i]) * square.sqrt();
+            let liquid = liquid.map_or(1.0, |liquid| liquid[i][0]);
+            let strength = liquid * law.slope(temperature[i]) * square.sqrt();
             for a in 0..D {
                 force[a] = strength * (slope[a] - across * normal(i, a));
             }
@@ -216,15 +219,24 @@ impl Projection {
         }
     }
 
-    /// Gives the bonds the tension of the points in place of that of the pair, which becomes the largest one of the interface.
-    pub(super) fn apply_tension(&mut self) {
-        let tension = &self.state.tension;
-        let (false, Some(phase)) = (tension.is_empty(), &mut self.phase) else {
+    /// Loads what acts along the bonds of an interface: tension by curvature, and pressure, where the first fluid is liquid. Where the tension
+    /// depends on the temperature, that of the pair becomes the largest one.
+    pub(super) fn load_tension(&mut self) {
+        let Some(phase) = &mut self.phase else {
             return;
         };
-        phase.pair.surface_tension = tension.iter().copied().fold(0.0, f64::max);
-        let curvature = &phase.curvature;
-        let of = |point: usize| -tension[point] * curvature[point][0];
+        let (tension, pressure) = (&self.state.tension, &self.state.interface_pressure);
+        if !tension.is_empty() {
+            phase.pair.surface_tension = tension.iter().copied().fold(0.0, f64::max);
+        }
+        let (gamma, curvature) = (phase.pair.surface_tension, &phase.curvature);
+        let liquid = self.freezing.as_ref().map(|freezing| &freezing.liquid_part);
+        let of = |point: usize| {
+            let gamma = tension.get(point).copied().unwrap_or(gamma);
+            let pressure = pressure.get(point).copied().unwrap_or(0.0);
+            let force = pressure - gamma * curvature[point][0];
+            liquid.map_or(force, |liquid| liquid[point][0] * force)
+        };
         self.slots.tension.load(&self.family, of, Mirrored::Scalar);
     }
 
@@ -244,7 +256,8 @@ impl Projection {
                 surface.find_slopes::<D>(bonds, temperature);
                 let normal =
                     |point: usize, axis: usize| phase.normal[axis][self.slot[point] as usize];
-                surface.find_interface_force::<D>(temperature, normal);
+                let liquid = (self.freezing.as_ref()).map(|f| &f.liquid_part[..]);
+                surface.find_interface_force::<D>(temperature, normal, liquid);
             } else {
                 surface.force.fill(0.0);
                 surface.find_face_force::<D>(temperature, self.spacing);
