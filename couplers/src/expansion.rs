@@ -75,7 +75,7 @@ struct RunningThermalExpansion {
 /// Where the temperature comes from.
 enum Temperature {
     Field(Read<f64>),
-    Given(Placed),
+    Given(Box<Placed>),
 }
 
 /// Where the strain goes.
@@ -222,7 +222,8 @@ impl ThermalExpansion {
             column: "temperature",
         };
         let positions = setup.body(body).points.position.clone();
-        Ok(Temperature::Given(setup.placed(body, given, positions)?))
+        let placed = setup.placed(body, given, positions)?;
+        Ok(Temperature::Given(Box::new(placed)))
     }
 }
 

@@ -84,6 +84,13 @@ impl Case {
             self.body_error(&[&[name], key].concat(), e.to_string(), &expected)
         })?;
         body.store = section.store;
+        self.fill_regions(name, section, &mut body)?;
+        self.assign_materials(name, section, &mut body)?;
+        Ok(body)
+    }
+
+    /// Adds the regions of a body.
+    fn fill_regions(&self, name: &str, section: &BodySection, body: &mut Body) -> Result<()> {
         for (region, shape) in &section.regions {
             let shape = self.loaded(&[name, "regions", region], shape)?;
             if let Some(mistake) = shape.mistake() {
@@ -107,8 +114,7 @@ impl Case {
             }
             body.regions.insert(region.clone(), points);
         }
-        self.assign_materials(name, section, &mut body)?;
-        Ok(body)
+        Ok(())
     }
 
     /// A shape with the files that it names.

@@ -54,13 +54,7 @@ pub(super) fn run(
         section.check(setup, body)?;
     }
     let extrapolation = extrapolation(keys, setup.body(body), &family)?;
-    let elasticity = match law.law.is_of_plies() {
-        true => Elasticity::bound(setup, body, "youngs_modulus_1")?,
-        false => {
-            let bond_based = keys.formulation() == Formulation::Bond;
-            Elasticity::of(setup, body, keys.plane, bond_based)?
-        }
-    };
+    let elasticity = elasticity(keys, &law, setup, body)?;
     let constitution = constitution(keys, flow, setup, body, (&family, elasticity))?;
     let is_finite = constitution.finite;
     let damping = keys.solver.damping();
@@ -117,6 +111,24 @@ pub(super) fn run(
             ..MechanicalState::default()
         },
     })
+}
+
+/// The elastic constants of the body; a bound of them where the law has those of plies.
+fn elasticity(
+    keys: &Mechanical,
+    law: &ChosenLaw,
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+) -> Result<Elasticity, SetupError> {
+    if law.law.is_of_plies() {
+        return Elasticity::bound(setup, body, "youngs_modulus_1");
+    }
+    Elasticity::of(
+        setup,
+        body,
+        keys.plane,
+        keys.formulation() == Formulation::Bond,
+    )
 }
 
 /// The rule of the layer by which a traction acts, if there is one.
