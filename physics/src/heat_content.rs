@@ -73,21 +73,21 @@ impl HeatContent<'_> {
             let [first, second] = materials.map(|m| self.curves[m as usize].capacity(temperature));
             let capacity = second + fraction[point] * (first - second);
             let missing = (enthalpy - self.enthalpy(point, temperature)) / capacity;
+            let next = temperature + missing;
+            // the error that is left is of the order of its square
+            if missing.abs() <= 1e-9 * temperature.abs() {
+                return next;
+            }
             match missing > 0.0 {
                 true => low = low.max(temperature),
                 false => high = high.min(temperature),
             }
-            let next = temperature + missing;
             // where the capacity jumps at solidus and liquidus, Newton's method may go to and fro between both sides
-            temperature = match next < high && next > low || missing == 0.0 {
+            temperature = match next < high && next > low {
                 true => next,
                 false if low.is_finite() && high.is_finite() => 0.5 * (low + high),
                 false => next,
             };
-            // the error that is left is of the order of its square
-            if missing.abs() <= 1e-9 * temperature.abs() {
-                break;
-            }
         }
         temperature
     }

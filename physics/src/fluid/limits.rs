@@ -89,16 +89,23 @@ impl FluidRun {
         field: &str,
         largest: f64,
     ) -> Option<usize> {
-        let reference = &self.medium.reference_density;
         if field == keys::VELOCITY.name {
             let limit = 10.0 * self.medium.largest_sound_speed();
             let velocity: Read<Vector3<f64>> = self.fields.velocity.into();
             return (largest > limit).then(|| world.first_beyond(velocity, limit))?;
         }
-        let limit = 10.0 * reference.iter().copied().fold(0.0, f64::max);
+        let limit = 10.0 * self.largest_density();
         let is_beyond = field == keys::DENSITY.name && largest > limit;
         let density: Read<f64> = self.fields.density.into();
         is_beyond.then(|| world.first_beyond(density, limit))?
+    }
+
+    /// Largest density of the fluid, or of both fluids, at rest, kg/m³.
+    fn largest_density(&self) -> f64 {
+        match self.points.projection().and_then(|p| p.pair()) {
+            Some(pair) => pair.density_of(0.0).max(pair.density_of(1.0)),
+            None => (self.medium.reference_density.iter().copied()).fold(0.0, f64::max),
+        }
     }
 
     /// Largest step (s) of a fluid that keeps its volume.
