@@ -10,10 +10,10 @@
 //! among the neighbours,
 //!
 //! ```text
-//! sum_j w c_j o_j / sum_j w c_j,    o = 1 where points are open, 0 where they are frozen
+//! sum_j w c_j l_j / sum_j w c_j,    l = 0 where points are frozen, and where `c <= 0.01`, `f(T) < 1/2`; else 1
 //! ```
 //!
-//! since the gas beside steps of a frozen surface would be driven by them. See docs/theory/fluids.md, "Metal and gas".
+//! since the gas beside steps of a frozen surface would be driven by them, and by the traces of the first fluid beyond its layer. See docs/theory/fluids.md, "Metal and gas".
 
 use perimelt_core::family::Mirrored;
 use perimelt_core::material::LatentHeat;
@@ -39,14 +39,14 @@ impl BondKernel<1, 1> for Around {
     }
 }
 
-/// `sum_j w c_j o_j` and `sum_j w c_j`, from the fraction and whether points are open.
+/// `sum_j w c_j l_j` and `sum_j w c_j`, from the fraction and whether it is liquid.
 struct LiquidPart;
 
 impl BondKernel<2, 2> for LiquidPart {
     #[inline(always)]
-    fn bond(&self, bond: &Bond, _: [f64; 2], [fraction, open]: [f64; 2]) -> [f64; 2] {
+    fn bond(&self, bond: &Bond, _: [f64; 2], [fraction, liquid]: [f64; 2]) -> [f64; 2] {
         let part = bond.weight * fraction;
-        [part * open, part]
+        [part * liquid, part]
     }
 }
 
@@ -60,6 +60,8 @@ pub(super) struct Freezing {
     /// By slot, kg/m³; infinite where points are frozen.
     pub(super) inertia: SlotField,
     sums: Vec<[f64; 2]>,
+    /// By slot: 1 where the first fluid is liquid.
+    liquid: SlotField,
     /// By slot: 1 where the first fluid has the larger part and is frozen; and the sum over the bonds.
     solid: SlotField,
     solid_around: Vec<[f64; 1]>,
@@ -73,6 +75,7 @@ impl Freezing {
             liquid_part: vec![[1.0]; points],
             inertia: SlotField::default(),
             sums: vec![[0.0; 2]; points],
+            liquid: SlotField::default(),
             solid: SlotField::default(),
             solid_around: vec![[0.0]; points],
         }
@@ -103,10 +106,17 @@ impl Projection {
 
     /// Copies which points are frozen to slots, with the densities of the others (kg/m³), and finds the liquid part around each point.
     pub(super) fn load_frozen(&mut self, density: &[f64]) {
-        let Some(freezing) = &mut self.freezing else {
+        let (Some(freezing), Some(phase), Some(heat)) =
+            (&mut self.freezing, &self.phase, &self.heat)
+        else {
             return;
         };
         let (family, frozen) = (&*self.family, &self.state.frozen);
+        let (fraction, temperature) = (&phase.fraction, heat.temperature());
+        let limit = freezing.temperature;
+        let is_solid = |i: usize| frozen[i] || fraction[i] <= LAYER && temperature[i] < limit;
+        let liquid = |i: usize| f64::from(u8::from(!is_solid(i)));
+        freezing.liquid.load(family, liquid, Mirrored::Scalar);
         let open = |i: usize| f64::from(u8::from(!frozen[i]));
         self.slots.open.load(family, open, Mirrored::Scalar);
         let inertia = |i: usize| match frozen[i] {
@@ -114,7 +124,7 @@ impl Projection {
             false => density[i],
         };
         freezing.inertia.load(family, inertia, Mirrored::Scalar);
-        let inputs: [&[f64]; 2] = [&self.slots.fraction, &self.slots.open];
+        let inputs: [&[f64]; 2] = [&self.slots.fraction, &freezing.liquid];
         family.sum(&LiquidPart, inputs, &mut freezing.sums);
         let least = NONE * self.complete.content;
         let points = freezing.liquid_part.par_iter_mut().zip(&freezing.sums);
