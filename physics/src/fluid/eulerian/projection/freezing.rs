@@ -10,10 +10,10 @@
 //! among the neighbours,
 //!
 //! ```text
-//! sum_j w c_j l_j / sum_j w c_j,    l = 0 where points are frozen, and where `c <= 0.01`, `f(T) < 1/2`; else 1
+//! sum_j w c_j o_j / sum_j w c_j,    o = 1 where points are open, 0 where they are frozen
 //! ```
 //!
-//! since the gas beside steps of a frozen surface would be driven by them, and by the traces of the first fluid beyond its layer. See docs/theory/fluids.md, "Metal and gas".
+//! since the gas beside steps of a frozen surface would be driven by them. See docs/theory/fluids.md, "Metal and gas".
 
 use perimelt_core::family::Mirrored;
 use perimelt_core::material::LatentHeat;
@@ -39,14 +39,14 @@ impl BondKernel<1, 1> for Around {
     }
 }
 
-/// `sum_j w c_j l_j` and `sum_j w c_j`, from the fraction and whether it is liquid.
+/// `sum_j w c_j o_j` and `sum_j w c_j`, from the fraction and whether points are open.
 struct LiquidPart;
 
 impl BondKernel<2, 2> for LiquidPart {
     #[inline(always)]
-    fn bond(&self, bond: &Bond, _: [f64; 2], [fraction, liquid]: [f64; 2]) -> [f64; 2] {
+    fn bond(&self, bond: &Bond, _: [f64; 2], [fraction, open]: [f64; 2]) -> [f64; 2] {
         let part = bond.weight * fraction;
-        [part * liquid, part]
+        [part * open, part]
     }
 }
 
@@ -60,8 +60,6 @@ pub(super) struct Freezing {
     /// By slot, kg/m³; infinite where points are frozen.
     pub(super) inertia: SlotField,
     sums: Vec<[f64; 2]>,
-    /// By slot: 1 where the first fluid is liquid.
-    liquid: SlotField,
     /// By slot: 1 where the first fluid has the larger part and is frozen; and the sum over the bonds.
     solid: SlotField,
     solid_around: Vec<[f64; 1]>,
@@ -75,7 +73,6 @@ impl Freezing {
             liquid_part: vec![[1.0]; points],
             inertia: SlotField::default(),
             sums: vec![[0.0; 2]; points],
-            liquid: SlotField::default(),
             solid: SlotField::default(),
             solid_around: vec![[0.0]; points],
         }
@@ -106,17 +103,10 @@ impl Projection {
 
     /// Copies which points are frozen to slots, with the densities of the others (kg/m³), and finds the liquid part around each point.
     pub(super) fn load_frozen(&mut self, density: &[f64]) {
-        let (Some(freezing), Some(phase), Some(heat)) =
-            (&mut self.freezing, &self.phase, &self.heat)
-        else {
+        let Some(freezing) = &mut self.freezing else {
             return;
         };
         let (family, frozen) = (&*self.family, &self.state.frozen);
-        let (fraction, temperature) = (&phase.fraction, heat.temperature());
-        let limit = freezing.temperature;
-        let is_solid = |i: usize| frozen[i] || fraction[i] <= LAYER && temperature[i] < limit;
-        let liquid = |i: usize| f64::from(u8::from(!is_solid(i)));
-        freezing.liquid.load(family, liquid, Mirrored::Scalar);
         let open = |i: usize| f64::from(u8::from(!frozen[i]));
         self.slots.open.load(family, open, Mirrored::Scalar);
         let inertia = |i: usize| match frozen[i] {
@@ -124,7 +114,7 @@ impl Projection {
             false => density[i],
         };
         freezing.inertia.load(family, inertia, Mirrored::Scalar);
-        let inputs: [&[f64]; 2] = [&self.slots.fraction, &freezing.liquid];
+        let inputs: [&[f64]; 2] = [&self.slots.fraction, &self.slots.open];
         family.sum(&LiquidPart, inputs, &mut freezing.sums);
         let least = NONE * self.complete.content;
         let points = freezing.liquid_part.par_iter_mut().zip(&freezing.sums);
@@ -233,20 +223,6 @@ mod tests {
                 .map(|t| (t / temperature - 1.0).abs())
                 .fold(0.0, f64::max);
             assert!(deviation < 1e-9, "{temperature}: {deviation}");
-        }
-    }
-
-    /// The tension of a frozen surface drives nothing, whatever its shape.
-    #[test]
-    fn the_tension_of_a_frozen_surface_is_none() {
-        for (temperature, least, most) in [(900.0, 0.0, 1e-12), (1200.0, 1e-3, 1.0)] {
-            let mut s = metal_in_gas(0.0, temperature, 0.05);
-            run(&mut s);
-            let fastest = speeds(&s).into_iter().fold(0.0, f64::max);
-            assert!(
-                (least..=most).contains(&fastest),
-                "{temperature}: {fastest}"
-            );
         }
     }
 }
