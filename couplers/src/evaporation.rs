@@ -6,7 +6,7 @@
 //! q   = 0.82 p_s sqrt(M/(2 pi R T)) L_v                       heat per area
 //! ```
 //!
-//! ([Knight1979]; [Semak1997]): of the atoms that leave into a vapour that streams away at the speed of sound 18 % return. The coupler
+//! (\[Knight1979\]; \[Semak1997\]): of the atoms that leave into a vapour that streams away at the speed of sound 18 % return. The coupler
 //! adds `-q |grad c^2|` to the heat source, c the fraction of the first fluid: in the same part of the layer a beam with
 //! `penetration = "interface"` is absorbed. The recoil acts through the field `interface_pressure` of the fluid.
 //!

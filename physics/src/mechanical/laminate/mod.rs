@@ -1,9 +1,9 @@
 //! Laminates: bonds within each layer of a lay-up, and between layers.
 //!
 //! All layers have the family of one plane grid; what differs by ply is the stiffness of the bonds by their direction
-//! ([`weights`]), and whether they run along fibres. Within a layer a bond resists its stretch, and a point its dilatation; between two layers
+//! (`weights`), and whether they run along fibres. Within a layer a bond resists its stretch, and a point its dilatation; between two layers
 //! crossing pairs of bonds resist shear, and bonds between points above each other resist opening. Forces are the derivative of the energy of
-//! all of them ([`kernels`]; docs/theory/laminates.md).
+//! all of them (`kernels`; docs/theory/laminates.md).
 //!
 //! Near free edges the bonds have the stiffness of the interior times the correction of the family; bonds along the fibres
 //! have a correction of their own, as the rows of fibres end elsewhere than the family does.
