@@ -394,7 +394,7 @@ def metal_and_gas() -> dict[str, float]:
     return {
         "metal-and-gas-evaporation: temperature of the surface, K": surface,
         "metal-and-gas-evaporation: power of evaporation, W": evaporation(surface) * 8e-6 * 2e-6,
-        "metal-and-gas-evaporation: power through the bottom, W": conducted(surface) * 8e-6 * 2e-6,
+        "metal-and-gas-evaporation: power through the bottom, W": -conducted(surface) * 8e-6 * 2e-6,
         "metal-and-gas-recoil: height at the cold side over that of the box": heights[0],
         "metal-and-gas-recoil: height at the hot side over that of the box": heights[-1],
         "metal-and-gas-recoil: difference of both": heights[0] - heights[-1],

@@ -403,8 +403,8 @@ impl Field {
 mod tests {
     use std::path::Path;
 
-    /// The world itself has a displacement, material, and the orientation of plies; all other fields belong to plugins.
-    const OF_THE_WORLD: [&str; 3] = ["ACTIVE", "DISPLACEMENT", "ORIENTATION"];
+    /// The world itself has a displacement and material; all other fields belong to plugins.
+    const OF_THE_WORLD: [&str; 2] = ["ACTIVE", "DISPLACEMENT"];
 
     /// Fields that the code of a folder names by their keys, with the files; comments and tests do not count.
     fn named(folder: &Path, found: &mut Vec<String>) {

@@ -51,8 +51,33 @@ impl Case {
             for (field, initial) in &section.initial {
                 mistakes.collect(self.set_field(simulation, target, field, initial));
             }
+            mistakes.collect(self.orient_plies(simulation, target));
         }
         mistakes.finish(())
+    }
+
+    /// Turns the material of a lay-up about z by the angles of its plies, where a plugin reads its orientation.
+    fn orient_plies(&self, simulation: &mut Simulation, target: TargetBody<'_>) -> Result<()> {
+        let TargetBody { index, name, .. } = target;
+        let orientation = keys::ORIENTATION;
+        if simulation
+            .world()
+            .fields()
+            .find(index, &orientation.name)
+            .is_none()
+        {
+            return Ok(());
+        }
+        let Some(layers) = simulation.world().body(index).layers().cloned() else {
+            return Ok(());
+        };
+        for point in 0..simulation.world().body(index).points.len() {
+            let turn = [0.0, 0.0, layers.angle(point)];
+            simulation
+                .set_initial(index, &orientation.name, std::iter::once(point), &turn)
+                .map_err(|e| self.explained_body_error(&[name, "layup"], e.explain()))?;
+        }
+        Ok(())
     }
 
     fn set_field(

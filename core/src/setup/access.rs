@@ -2,9 +2,9 @@
 
 use super::Setup;
 use crate::error::{Problem, SetupError};
-use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write, keys};
+use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write};
+use crate::world::BodyIndex;
 use crate::world::facts::Fact;
-use crate::world::{BodyIndex, World};
 
 /// How a plugin touches a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -292,8 +292,8 @@ impl Setup<'_> {
             .map(ReadIfProvided::new)
     }
 
-    /// A field of a body that the case gives (`initial`), zero where it does not, unless a plugin computes it; the orientation
-    /// in a lay-up is that of the plies. Any number of plugins may read it.
+    /// A field of a body that the case gives (`initial`), zero where it does not, unless a plugin computes it. Any number of
+    /// plugins may read it.
     ///
     /// # Errors
     /// When it is known with another type.
@@ -302,21 +302,7 @@ impl Setup<'_> {
         body: BodyIndex,
         key: &Key<T>,
     ) -> Result<Read<T>, SetupError> {
-        let field = self.declare(body, key, Access::Given)?;
-        if key.name == keys::ORIENTATION.name {
-            self.orient_plies(body, field);
-        }
-        Ok(Read::new(field))
-    }
-
-    /// Turns the material of a lay-up about z by the angles of its plies.
-    fn orient_plies(&mut self, body: BodyIndex, field: FieldIndex) {
-        let World { bodies, fields, .. } = &mut *self.world;
-        if let Some(layers) = bodies[body].layers() {
-            let (points, _) = fields.values_mut(field).as_chunks_mut::<3>();
-            let points = points.iter_mut().enumerate();
-            points.for_each(|(point, turn)| turn[2] = layers.angle(point));
-        }
+        self.declare(body, key, Access::Given).map(Read::new)
     }
 
     /// Sets the values of a derived field before the first step, by point.

@@ -2,7 +2,7 @@
 
 use std::cell::Ref;
 
-use perimelt_core::material::{EnthalpyCurve, LatentHeat, Property};
+use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::world::{BodyIndex, HeatedInterface, TwoFluids};
 use perimelt_core::{Read, Setup, SetupError, World, keys};
 
@@ -87,8 +87,8 @@ pub(super) struct MixedConductivity {
     materials: [u16; 2],
     /// Largest of each, W/(m K).
     largest: [f64; 2],
-    /// Melting of the first one.
-    melting: Option<LatentHeat>,
+    /// Enthalpy of the first one, by which it melts.
+    first: EnthalpyCurve,
     /// Whether the layer between the fluids conducts as if they lay side by side.
     is_parallel: bool,
     fraction: Vec<f64>,
@@ -105,7 +105,7 @@ impl MixedConductivity {
         MixedConductivity {
             materials: fluids.materials,
             largest,
-            melting: curves[fluids.materials[0] as usize].latent_heat().copied(),
+            first: curves[fluids.materials[0] as usize].clone(),
             is_parallel: fluids.has_heated_interface,
             fraction: vec![0.0; points],
         }
@@ -123,12 +123,7 @@ impl MixedConductivity {
     /// Conductivity of a point at a temperature (K), W/(m K): that of layers in series. In a layer that is heated from inside each
     /// fluid conducts its own part: heat that a beam leaves in a metal must not pass its gas.
     pub(super) fn at(&self, by_material: &[Property], point: usize, temperature: f64) -> f64 {
-        let liquid = self.melting.map_or(0.0, |melting| {
-            let LatentHeat {
-                solidus, liquidus, ..
-            } = melting;
-            ((temperature - solidus) / (liquidus - solidus)).clamp(0.0, 1.0)
-        });
+        let liquid = self.first.liquid_fraction(temperature);
         let [first, second] = self.materials.map(|m| &by_material[m as usize]);
         let k = [first.at(temperature, liquid), second.at(temperature, 0.0)];
         let c = self.fraction[point].clamp(0.0, 1.0);

@@ -150,11 +150,7 @@ impl Beam {
     /// Refuses a source that covers more cells than can be held.
     pub(super) fn check_size(&self, grid: &CellGrid) -> Result<(), SetupError> {
         let axis = self.sampled.heated_surface.face.axis();
-        let [along, across] = self.footprint.reach();
-        let lateral: f64 = (0..3)
-            .filter(|&other| other != axis && !grid.is_thickness(other))
-            .map(|other| 2.0 * along.max(across) / grid.spacing[other] + 2.0)
-            .product();
+        let lateral = self.footprint.columns(grid, axis);
         let layers = self.depth.reach() / grid.spacing[axis];
         for (key, cells) in [(self.widest_key, lateral), ("depth", layers)] {
             check_cells(key, cells, MOST_CELLS)?;
@@ -173,10 +169,12 @@ impl Beam {
     ) -> Deposit {
         let grid = *body.grid();
         let depth_axis = self.sampled.heated_surface.face.axis();
-        let axes = [(depth_axis + 1) % 3, (depth_axis + 2) % 3];
         let asked = self.asked(&grid, power);
-        let travel = self.footprint.travel(axes.map(|axis| pose.direction[axis]));
-        let reach = self.footprint.half_lengths(travel);
+        let PlacedFootprint {
+            axes,
+            travel,
+            reach,
+        } = self.footprint.placed(depth_axis, pose);
         let spans = [0, 1].map(|i| Span::new(&grid, axes[i], pose.position[axes[i]], reach[i]));
         let level = self
             .sampled
@@ -221,17 +219,7 @@ impl Beam {
                 }
             }
         }
-        // a difference of rounding size is not lost power
-        let lost = if all - hit > 1e-12 * all {
-            scale * (all - hit)
-        } else {
-            0.0
-        };
-        Deposit {
-            asked,
-            deposited: scale * hit,
-            lost,
-        }
+        Deposit::of_parts(asked, scale, hit, all)
     }
 
     /// [`Beam::add`] for a body without a lattice.
@@ -244,9 +232,11 @@ impl Beam {
         scratch: &mut Scratch,
     ) -> Deposit {
         let depth_axis = self.sampled.heated_surface.face.axis();
-        let axes = [(depth_axis + 1) % 3, (depth_axis + 2) % 3];
-        let travel = self.footprint.travel(axes.map(|axis| pose.direction[axis]));
-        let reach = self.footprint.half_lengths(travel);
+        let PlacedFootprint {
+            axes,
+            travel,
+            reach,
+        } = self.footprint.placed(depth_axis, pose);
         let level = self
             .sampled
             .heated_surface
@@ -337,16 +327,46 @@ impl Beam {
     }
 }
 
+/// A footprint on the heated face at a pose of its toolpath.
+pub(super) struct PlacedFootprint {
+    /// Lateral axes.
+    pub(super) axes: [usize; 2],
+    /// Unit vector of travel along them.
+    pub(super) travel: [f64; 2],
+    /// Half lengths of the box around the footprint, m.
+    pub(super) reach: [f64; 2],
+}
+
 impl Footprint {
+    /// The footprint on a face across `axis`.
+    pub(super) fn placed(&self, axis: usize, pose: &Pose) -> PlacedFootprint {
+        let axes = [(axis + 1) % 3, (axis + 2) % 3];
+        let travel = self.travel(axes.map(|axis| pose.direction[axis]));
+        PlacedFootprint {
+            axes,
+            travel,
+            reach: self.half_lengths(travel),
+        }
+    }
+
+    /// Largest number of columns of cells across a face that it covers.
+    pub(super) fn columns(&self, grid: &CellGrid, axis: usize) -> f64 {
+        let [along, across] = self.reach();
+        (0..3)
+            .filter(|&other| other != axis && !grid.is_thickness(other))
+            .map(|other| 2.0 * along.max(across) / grid.spacing[other] + 2.0)
+            .product()
+    }
+
     /// Half lengths of the box around the turned footprint, m.
-    pub(super) fn half_lengths(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+    fn half_lengths(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [along, across] = self.reach();
         let (cos, sin) = (u.abs(), v.abs());
         [cos * along + sin * across, sin * along + cos * across]
     }
 
     /// Unit vector of travel on the heated face; exactly along an axis if it is so within rounding.
-    pub(super) fn travel(&self, direction: [f64; 2]) -> [f64; 2] {
+    fn travel(&self, direction: [f64; 2]) -> [f64; 2] {
         let length = direction[0].hypot(direction[1]);
         if self.is_round() || length < 1e-12 {
             return [1.0, 0.0];

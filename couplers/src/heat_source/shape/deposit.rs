@@ -20,6 +20,21 @@ pub struct Deposit {
 }
 
 impl Deposit {
+    /// The deposit of `scale` (W) times the parts of cells, of `all` of which the ones with the sum `hit` have material.
+    pub(super) fn of_parts(asked: f64, scale: f64, hit: f64, all: f64) -> Self {
+        // a difference of rounding size is not lost power
+        let lost = if all - hit > 1e-12 * all {
+            scale * (all - hit)
+        } else {
+            0.0
+        };
+        Deposit {
+            asked,
+            deposited: scale * hit,
+            lost,
+        }
+    }
+
     /// Power neither deposited nor lost (W): the error of a density that is not normalised.
     pub fn sampling_error(&self) -> f64 {
         self.asked - self.deposited - self.lost

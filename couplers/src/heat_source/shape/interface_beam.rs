@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use perimelt_core::{Face, SetupError};
 
-use super::beam::{MOST_CELLS, Scratch, Span, inside};
+use super::beam::{MOST_CELLS, PlacedFootprint, Scratch, Span, inside};
 use super::profile::Footprint;
 use super::{CellGrid, CellSampling, Deposit, HeatedBody, check_cells};
 use crate::toolpath::Pose;
@@ -93,12 +93,11 @@ impl InterfaceBeam {
     /// Refuses a beam that covers more columns than can be held.
     pub(super) fn check_size(&self, grid: &CellGrid) -> Result<(), SetupError> {
         let axis = self.sampled.heated_surface.face.axis();
-        let [along, across] = self.footprint.reach();
-        let lateral: f64 = (0..3)
-            .filter(|&other| other != axis && !grid.is_thickness(other))
-            .map(|other| 2.0 * along.max(across) / grid.spacing[other] + 2.0)
-            .product();
-        check_cells(self.widest_key, lateral, MOST_CELLS)
+        check_cells(
+            self.widest_key,
+            self.footprint.columns(grid, axis),
+            MOST_CELLS,
+        )
     }
 
     /// Adds the density of `power` (W) to `values` (W/m³).
@@ -112,9 +111,11 @@ impl InterfaceBeam {
     ) -> Deposit {
         let grid = *body.grid();
         let face = self.sampled.heated_surface.face;
-        let axes = [(face.axis() + 1) % 3, (face.axis() + 2) % 3];
-        let travel = self.footprint.travel(axes.map(|axis| pose.direction[axis]));
-        let reach = self.footprint.half_lengths(travel);
+        let PlacedFootprint {
+            axes,
+            travel,
+            reach,
+        } = self.footprint.placed(face.axis(), pose);
         let spans = [0, 1].map(|i| Span::new(&grid, axes[i], pose.position[axes[i]], reach[i]));
         let sampling = self.sampled.sampling;
         self.footprint.fill_parts(&spans, travel, sampling, scratch);
@@ -151,17 +152,7 @@ impl InterfaceBeam {
                 hit += part;
             }
         }
-        // a difference of rounding size is not lost power
-        let lost = if all - hit > 1e-12 * all {
-            scale * (all - hit)
-        } else {
-            0.0
-        };
-        Deposit {
-            asked: power,
-            deposited: scale * hit,
-            lost,
-        }
+        Deposit::of_parts(power, scale, hit, all)
     }
 
     /// Absorptivity of the depression over that of the flat surface: `1 / (A + (1 - A) s/S)` with the area s of its opening and the area S of its wall

@@ -112,11 +112,11 @@ impl Laminate {
         let (crossing, sums) = (interface.crossing, &mut self.work.pairs);
         specialise!(FINITE = strained.finite =>
             self.plane.sum(&InterfaceForce::<FINITE>(crossing), inputs, sums));
-        let (displacement, free) = (&self.displacement, &self.across);
+        let (displacement, strain) = (&self.displacement, &self.strain);
         let each = sums.par_iter_mut().enumerate().with_min_len(4096);
         each.for_each(|(point, force)| {
             let both = [number * points + point, (number + 1) * points + point];
-            let free = both.map(|p| free[p]);
+            let free = both.map(|p| strain[p][2]);
             let (stretch, direction) =
                 interface.across(strained, both.map(|p| displacement[p]), free);
             for axis in 0..3 {
@@ -207,7 +207,7 @@ impl Laminate {
                 let (stretch, _) = interface.across(
                     strained,
                     both.map(|p| self.displacement[p]),
-                    both.map(|p| self.across[p]),
+                    both.map(|p| self.strain[p][2]),
                 );
                 let of_opening = 0.5 * interface.modulus * crossing.distance * stretch * stretch;
                 for (layer, point) in [number, number + 1].into_iter().zip(both) {

@@ -42,10 +42,10 @@ impl Laminate {
     /// Evaluates the diagonal blocks; those of the dilatation are left out.
     pub(super) fn load_blocks(&mut self) {
         let points = self.points_of_layer();
-        let in_plane: Vec<_> = self.plane_blocks().collect();
-        for (block, [xx, yy, xy, _]) in self.blocks.iter_mut().zip(in_plane.iter().flatten()) {
-            *block = [*xx, *yy, 0.0, *xy, 0.0, 0.0];
-        }
+        let in_plane = self.plane_blocks().flatten();
+        self.blocks = in_plane
+            .map(|[xx, yy, xy, _]| [xx, yy, 0.0, xy, 0.0, 0.0])
+            .collect();
         for (number, interface) in self.interfaces.iter().enumerate() {
             for (point, beside) in interface.stiffness(&self.plane).iter().enumerate() {
                 for layer in [number, number + 1] {

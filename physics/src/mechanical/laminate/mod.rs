@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use perimelt_core::body::{Layer, Layers};
-use perimelt_core::family::{Mirrored, PointValues};
+use perimelt_core::family::Mirrored;
 use perimelt_core::{Body, Correction, Family, SetupError, SlotField, text};
 
 use super::base::{Properties, SolidBase};
@@ -58,12 +58,13 @@ pub struct Laminate {
     heights: Vec<f64>,
     /// By point and axis, m.
     displacement: Vec<[f64; 3]>,
-    /// Stress-free strain across the plies, by point.
-    across: Vec<f64>,
+    /// Stress-free strain of each point: xx, yy, zz, xy, yz, zx.
+    strain: Vec<[f64; 6]>,
     /// Takes the place of the stress-free strain in a change of the force.
     zeros: SlotField,
     /// Sums over the bonds of a layer.
     work: Work,
+    /// Diagonal blocks of the stiffness, which does not change; empty until they are needed.
     blocks: Vec<[f64; 6]>,
     gradients: Vec<Matrix3<f64>>,
 }
@@ -168,10 +169,10 @@ impl Laminate {
             interfaces: interfaces?,
             heights: layers.layers().iter().map(|layer| layer.z).collect(),
             displacement: vec![[0.0; 3]; points],
-            across: vec![0.0; points],
+            strain: vec![[0.0; 6]; points],
             zeros: SlotField::zeros(&plane),
             work: Work::new(layers.points_of_layer()),
-            blocks: vec![[0.0; 6]; points],
+            blocks: Vec::new(),
             gradients: vec![Matrix3::zeros(); points],
             plane,
         })
@@ -180,12 +181,6 @@ impl Laminate {
     /// Number of points of a layer.
     fn points_of_layer(&self) -> usize {
         self.plane.points()
-    }
-
-    /// Loads values of the points of a layer into one of its inputs.
-    fn load(&mut self, layer: usize, input: usize, values: impl PointValues) {
-        let slots = &mut self.layers[layer].slots[input];
-        slots.load(&self.plane, values, Mirrored::Scalar);
     }
 }
 

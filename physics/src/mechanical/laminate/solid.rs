@@ -1,7 +1,7 @@
 //! What the solvers ask of a laminate.
 
 use nalgebra::Matrix3;
-use perimelt_core::family::{AxisPlane, LayerRule};
+use perimelt_core::family::{AxisPlane, LayerRule, Mirrored};
 use rayon::prelude::*;
 
 use super::Laminate;
@@ -11,7 +11,7 @@ use crate::mechanical::base::SolidBase;
 use crate::mechanical::deformation::Deformation;
 use crate::mechanical::fracture::{FractureState, NewBreaks};
 use crate::mechanical::solid::{
-    EnergyKind, Evaluated, PointStates, Solid, Stiffness, StressFreeStrain, StressKind, Wanted,
+    EnergyKind, Evaluated, PointStates, Solid, Stiffness, StressKind, Wanted,
 };
 
 impl Laminate {
@@ -26,26 +26,18 @@ impl Laminate {
     fn load_strain(&mut self) {
         let points = self.points_of_layer();
         let elastic = &self.base.elastic;
-        let strain = |point: usize| {
-            let mut strain = elastic.prescribed.get(point).copied().unwrap_or_default();
+        let strains = self.strain.par_iter_mut().enumerate();
+        strains.for_each(|(point, strain)| {
+            *strain = elastic.prescribed.get(point).copied().unwrap_or_default();
             let isotropic = elastic.eigenstrain[point];
             strain[..3].iter_mut().for_each(|e| *e += isotropic);
-            strain
-        };
-        let all: Vec<[f64; 6]> = (0..self.across.len()).into_par_iter().map(strain).collect();
-        for (across, strain) in self.across.iter_mut().zip(&all) {
-            *across = strain[2];
-        }
-        for layer in 0..self.layers.len() {
-            let first = layer * points;
+        });
+        for (layer, strain) in self.layers.iter_mut().zip(self.strain.chunks(points)) {
             for (input, component) in (STRAIN..).zip([0, 1, 3]) {
-                self.load(layer, input, |point: usize| all[first + point][component]);
+                let values = |point: usize| strain[point][component];
+                layer.slots[input].load(&self.plane, values, Mirrored::Scalar);
             }
         }
-    }
-
-    fn set_stress_free(&mut self, stress_free: StressFreeStrain<'_>) -> bool {
-        self.base.elastic.set_stress_free(stress_free)
     }
 
     fn load_gradients(&mut self) {
@@ -86,21 +78,21 @@ impl Solid for Laminate {
             self.base.set_moduli(moduli);
         }
         let changed = eigenstrain.is_some_and(|e| self.base.elastic.set_eigenstrain(e));
-        let turned = stress_free.is_some_and(|e| self.set_stress_free(e));
+        let turned = stress_free.is_some_and(|e| self.base.elastic.set_stress_free(e));
         if changed || turned {
             self.load_strain();
         }
     }
 
     fn set_displacement(&mut self, displacement: &[f64], _rules: &[LayerRule]) {
+        let (nodes, _) = displacement.as_chunks::<3>();
         let points = self.points_of_layer();
-        for layer in 0..self.layers.len() {
-            let values = &displacement[3 * layer * points..];
-            for axis in 0..3 {
-                self.load(layer, axis, |point: usize| values[3 * point + axis]);
+        for (layer, nodes) in self.layers.iter_mut().zip(nodes.chunks(points)) {
+            for (axis, slots) in layer.slots[..3].iter_mut().enumerate() {
+                let values = |point: usize| nodes[point][axis];
+                slots.load(&self.plane, values, Mirrored::Scalar);
             }
         }
-        let (nodes, _) = displacement.as_chunks::<3>();
         self.displacement.copy_from_slice(nodes);
     }
 
@@ -166,7 +158,9 @@ impl Solid for Laminate {
     }
 
     fn blocks(&mut self) -> &[[f64; 6]] {
-        self.load_blocks();
+        if self.blocks.is_empty() {
+            self.load_blocks();
+        }
         &self.blocks
     }
 

@@ -62,6 +62,23 @@ impl CompleteFamily {
         let along = self.bonds.iter().filter(|b| is_along(fibre, b.direction));
         along.map(|bond| bond.moment).sum()
     }
+
+    /// `1/2 sum_j w |xi| m_r(n) p_c(n)` by row and column, with moments m of the directions n and parts p of the stiffness.
+    fn moments<const N: usize>(
+        &self,
+        of_direction: impl Fn([f64; 2]) -> [[f64; N]; 2],
+    ) -> DMatrix<f64> {
+        let mut matrix = DMatrix::zeros(N, N);
+        for bond in &self.bonds {
+            let [moments, parts] = of_direction(bond.direction);
+            for (row, moment) in moments.iter().enumerate() {
+                for (column, part) in parts.iter().enumerate() {
+                    matrix[(row, column)] += 0.5 * bond.moment * moment * part;
+                }
+            }
+        }
+        matrix
+    }
 }
 
 /// Whether a unit vector runs along the fibres.
@@ -150,16 +167,8 @@ impl PlyBonds {
         ply: &Reduced,
     ) -> Result<Self, NoBonds> {
         let has_fibres = family.moment_along(fibre) > 0.0;
-        let basis = |direction: [f64; 2]| -> [f64; 5] {
-            let [one, cos2, sin2, cos4, sin4] = waves(fibre, direction);
-            match (has_fibres, is_along(fibre, direction)) {
-                (false, _) => [one, cos2, sin2, cos4, sin4],
-                (true, along) => [one, if along { 1.0 } else { 0.0 }, sin2, cos4, sin4],
-            }
-        };
-        let mut matrix = DMatrix::zeros(5, 5);
-        for bond in &family.bonds {
-            let [c, s] = relative(fibre, bond.direction);
+        let matrix = family.moments(|direction| {
+            let [c, s] = relative(fibre, direction);
             let moments = [
                 c.powi(4),
                 s.powi(4),
@@ -167,12 +176,12 @@ impl PlyBonds {
                 c * c * c * s,
                 c * s * s * s,
             ];
-            for (row, moment) in moments.iter().enumerate() {
-                for (column, part) in basis(bond.direction).iter().enumerate() {
-                    matrix[(row, column)] += 0.5 * bond.moment * moment * part;
-                }
+            let mut parts = waves(fibre, direction);
+            if has_fibres {
+                parts[1] = f64::from(u8::from(is_along(fibre, direction)));
             }
-        }
+            [moments, parts]
+        });
         let of_dilatation = 2.0 * ply.dilatation();
         let target = [
             ply.along - of_dilatation,
@@ -280,16 +289,10 @@ pub(super) struct ShearBonds {
 impl ShearBonds {
     /// The bonds of an interface with these shear moduli, Pa; `None` if one is negative.
     pub(super) fn new(family: &CompleteFamily, moduli: &Matrix2<f64>) -> Option<Self> {
-        let mut matrix = DMatrix::zeros(3, 3);
-        for bond in &family.bonds {
-            let [x, y] = bond.direction;
-            let [one, cos2, sin2, ..] = waves([1.0, 0.0], bond.direction);
-            for (row, moment) in [x * x, y * y, x * y].iter().enumerate() {
-                for (column, part) in [one, cos2, sin2].iter().enumerate() {
-                    matrix[(row, column)] += 0.5 * bond.moment * moment * part;
-                }
-            }
-        }
+        let matrix = family.moments(|[x, y]| {
+            let [one, cos2, sin2, ..] = waves([1.0, 0.0], [x, y]);
+            [[x * x, y * y, x * y], [one, cos2, sin2]]
+        });
         let target = [moduli[(0, 0)], moduli[(1, 1)], moduli[(0, 1)]];
         let factors = solve(matrix, &target)?;
         let bonds = ShearBonds {
@@ -369,6 +372,16 @@ mod tests {
         sums
     }
 
+    /// Compares the stiffness of bonds with that of their ply.
+    fn assert_exact(family: &CompleteFamily, bonds: &PlyBonds, ply: &Reduced) {
+        let found = stiffness(family, bonds, ply.dilatation());
+        let expected = [ply.along, ply.across, ply.coupling, ply.shear, 0.0, 0.0];
+        for (found, expected) in found.iter().zip(expected) {
+            let error = (found - expected).abs();
+            assert!(error < 1e-12 * ply.along, "{bonds:?}: {found} {expected}");
+        }
+    }
+
     #[test]
     fn the_stiffness_of_plies_is_exact_on_every_lattice_and_positive_in_every_bond() {
         for (ply, horizon, angle) in PLIES.iter().flat_map(|ply| {
@@ -381,22 +394,7 @@ mod tests {
             let (sin, cos) = f64::to_radians(angle).sin_cos();
             let bonds = PlyBonds::new(&family, [cos, sin], &reduced).expect("bonds");
             assert!(bonds.has_fibres());
-            let found = stiffness(&family, &bonds, reduced.dilatation());
-            let expected = [
-                reduced.along,
-                reduced.across,
-                reduced.coupling,
-                reduced.shear,
-                0.0,
-                0.0,
-            ];
-            for (found, expected) in found.iter().zip(expected) {
-                let error = (found - expected).abs();
-                assert!(
-                    error < 1e-12 * reduced.along,
-                    "{horizon} {angle}: {found} {expected}"
-                );
-            }
+            assert_exact(&family, &bonds, &reduced);
         }
     }
 
@@ -423,21 +421,7 @@ mod tests {
         };
         let reduced = fabric.reduced();
         let bonds = PlyBonds::new(&family, [cos, sin], &reduced).expect("bonds");
-        let found = stiffness(&family, &bonds, reduced.dilatation());
-        let expected = [
-            reduced.along,
-            reduced.across,
-            reduced.coupling,
-            reduced.shear,
-            0.0,
-            0.0,
-        ];
-        for (found, expected) in found.iter().zip(expected) {
-            assert!(
-                (found - expected).abs() < 1e-12 * reduced.along,
-                "{found} {expected}"
-            );
-        }
+        assert_exact(&family, &bonds, &reduced);
         assert_eq!(
             PlyBonds::new(&self::family(1.0), [1.0, 0.0], &reduced).err(),
             Some(NoBonds::TooFew)
