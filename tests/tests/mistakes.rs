@@ -724,6 +724,42 @@ fn mistakes_of_two_fluids() {
     insta::assert_snapshot!(all.join("\n\n"));
 }
 
+const MOVING_DROP: &str = include_str!("../../cases/verification/wang-8.5.3-contact-angle-60.toml");
+
+/// Two fluids whose points move and keep their material.
+#[test]
+fn mistakes_of_two_fluids_at_points_that_move() {
+    let told = |right: &str, wrong: &str| {
+        assert_eq!(
+            MOVING_DROP.matches(right).count(),
+            1,
+            "`{right}` is there once"
+        );
+        let failure = check(MOVING_DROP.replace(right, wrong)).expect_err(wrong);
+        match failure {
+            Failure::Case(mistake) => mistake.render(false),
+            other => other.to_string(),
+        }
+    };
+    let tension = "interface = { surface_tension = 0.07 }";
+    let all = [
+        (tension, "interface = { surface_tension = 0.07, width = 1 }"),
+        (tension, ""),
+        (
+            tension,
+            "interface = { tension.slope = -1e-4, surface_tension = 0.07, reference_temperature = 300 }",
+        ),
+        ("smoothing = 20", "density_diffusion = 0.1"),
+        ("smoothing = 20", "form = \"conservative\""),
+        (
+            "material = \"gas\"",
+            "material = \"gas\"\ninitial.fluid_fraction = 0.5",
+        ),
+    ]
+    .map(|(right, wrong)| told(right, wrong));
+    insta::assert_snapshot!(all.join("\n\n"));
+}
+
 const SPOT: &str = include_str!("../../cases/verification/laser-spot.toml");
 
 /// Mistakes of a body of metal and gas: what is changed in a case that runs, and what is told.

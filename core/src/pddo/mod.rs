@@ -81,6 +81,20 @@ impl<const D: usize, const N: usize> BondKernel<1, N> for Moments<D, N> {
     }
 }
 
+/// [`Moments`] with differences that count with the mean of a coefficient of both ends in series.
+struct MomentsInSeries<const D: usize, const N: usize>;
+
+impl<const D: usize, const N: usize> BondKernel<2, N> for MomentsInSeries<D, N> {
+    const RARE: bool = !matches!((D, N), (2, 5) | (3, 9));
+
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 2], other: [f64; 2]) -> [f64; N] {
+        let mean = 2.0 * own[1] * other[1] / (own[1] + other[1] + f64::MIN_POSITIVE);
+        let difference = bond.weight * mean * (other[0] - own[0]);
+        monomials::<D, N>(&bond.xi).map(|p| p * difference)
+    }
+}
+
 /// Columns of `n! A^-1` of a point; `None` where its family is degenerate.
 fn inverse_of<const D: usize, const N: usize>(
     family: &Family,
@@ -241,20 +255,47 @@ impl Pddo {
     /// # Panics
     /// When `field` is not [`Family::slots`] long.
     pub fn differentiate(&self, field: &[f64], derivatives: &mut Derivatives) {
+        self.prepare(derivatives);
+        with_basis!(self.dimension, self.order, |D, N| {
+            let (sums, _) = derivatives.values.as_chunks_mut::<N>();
+            self.family.sum(&Moments::<D, N>, [field], sums);
+            self.solve(sums);
+        });
+    }
+
+    /// All derivatives of a field whose differences count with the mean of a coefficient of both ends in series,
+    /// `sum_j 2 c_i c_j/(c_i + c_j) (f_j - f_i) g^n V_j`: the flux through an interface at which the coefficient jumps.
+    fn differentiate_in_series(
+        &self,
+        field: &[f64],
+        coefficient: &[f64],
+        derivatives: &mut Derivatives,
+    ) {
+        self.prepare(derivatives);
+        with_basis!(self.dimension, self.order, |D, N| {
+            let (sums, _) = derivatives.values.as_chunks_mut::<N>();
+            let inputs = [field, coefficient];
+            self.family.sum(&MomentsInSeries::<D, N>, inputs, sums);
+            self.solve(sums);
+        });
+    }
+
+    /// Gives the derivatives their size.
+    fn prepare(&self, derivatives: &mut Derivatives) {
         let number = self.exponents.len();
         derivatives.dimension = self.dimension;
         derivatives.exponents.clone_from(&self.exponents);
         let size = number * self.inverse_of_point.len();
         derivatives.values.resize(size, 0.0);
-        with_basis!(self.dimension, self.order, |D, N| {
-            let (sums, _) = derivatives.values.as_chunks_mut::<N>();
-            let (columns, _) = self.inverse.as_chunks::<N>();
-            let (inverses, _) = columns.as_chunks::<N>();
-            self.family.sum(&Moments::<D, N>, [field], sums);
-            let points = sums.par_iter_mut().zip(&self.inverse_of_point);
-            points.with_min_len(1024).for_each(|(sums, &inverse)| {
-                *sums = times(&inverses[inverse as usize], sums);
-            });
+    }
+
+    /// Turns moments into derivatives.
+    fn solve<const N: usize>(&self, moments: &mut [[f64; N]]) {
+        let (columns, _) = self.inverse.as_chunks::<N>();
+        let (inverses, _) = columns.as_chunks::<N>();
+        let points = moments.par_iter_mut().zip(&self.inverse_of_point);
+        points.with_min_len(1024).for_each(|(sums, &inverse)| {
+            *sums = times(&inverses[inverse as usize], sums);
         });
     }
 
@@ -333,8 +374,8 @@ impl Pddo {
     }
 }
 
-/// Largest wave number that a gradient makes of a plane wave along an axis or a diagonal, 1/m (kappa of spec
-/// 05, 1.1). `bonds` passes those of a symmetric family with their parts of the gradient, 1/m.
+/// Largest wave number that a gradient makes of a plane wave along an axis or a diagonal, 1/m
+/// (docs/theory/fluids.md, "Numbers of the square lattice"). `bonds` passes those of a symmetric family with their parts of the gradient, 1/m.
 pub fn largest_wave_number(
     dimension: usize,
     bonds: impl FnOnce(&mut dyn FnMut(&Bond, [f64; 3])),

@@ -91,6 +91,42 @@ impl Pddo {
         }
     }
 
+    /// [`Pddo::gradient`] with differences that count with the mean of a coefficient of both ends in series, by slot.
+    ///
+    /// # Panics
+    /// See [`Pddo::differentiate`].
+    pub fn gradient_in_series(
+        &self,
+        field: &[f64],
+        coefficient: &[f64],
+        work: &mut Derivatives,
+        rows: &mut Vec<f64>,
+    ) {
+        self.differentiate_in_series(field, coefficient, work);
+        rows.resize(self.dimension * self.points(), 0.0);
+        let points = rows.par_chunks_exact_mut(self.dimension).enumerate();
+        let points = points.with_min_len(1024);
+        points.for_each(|(point, row)| row.copy_from_slice(&work.at(point)[..self.dimension]));
+    }
+
+    /// [`Pddo::laplacian`] with differences that count with the mean of a coefficient of both ends in series, by slot.
+    ///
+    /// # Panics
+    /// See [`Pddo::gradient_and_laplacian`].
+    pub fn laplacian_in_series(
+        &self,
+        field: &[f64],
+        coefficient: &[f64],
+        work: &mut Derivatives,
+        laplacian: &mut Vec<f64>,
+    ) {
+        assert!(self.order > 1, "an operator of second order");
+        self.differentiate_in_series(field, coefficient, work);
+        let points = (0..self.points()).into_par_iter().with_min_len(1024);
+        let points = points.map(|point| work.laplacian(point));
+        points.collect_into_vec(laplacian);
+    }
+
     /// The divergence at all points of a vector field, whose values by slot are `field`, one array for each
     /// axis.
     ///

@@ -128,9 +128,14 @@ pub(super) struct Differences {
     is_compressible: bool,
     /// Rows of each component: the first derivatives, then the Laplacian.
     velocity: Vec<Vec<f64>>,
+    /// Of each component, `sum_j mu_ij (v_j - v_i) g2` with the mean of both viscosities in series, N/m³; empty where the
+    /// viscosity is uniform.
+    friction: Vec<Vec<f64>>,
     slope_of_divergence: Vec<f64>,
     diffusion: DensityDiffusion,
     pressure: Differentiated,
+    /// Whether rows of the pressure are forces per mass, m/s².
+    is_per_mass: bool,
     viscosity: Differentiated,
 }
 
@@ -145,10 +150,12 @@ impl Differences {
         Ok(Differences {
             is_compressible: keys.is_compressible,
             velocity: vec![Vec::new(); pddo.dimension()],
+            friction: vec![Vec::new(); pddo.dimension()],
             slope_of_divergence: Vec::new(),
             diffusion: DensityDiffusion::default(),
             work: Derivatives::default(),
             pressure: Differentiated::default(),
+            is_per_mass: false,
             viscosity: Differentiated::default(),
             pddo,
         })
@@ -202,6 +209,12 @@ impl Differences {
         for (slots, rows) in velocity.iter().zip(&mut self.velocity) {
             pddo.gradient_and_laplacian(slots, work, rows);
         }
+        if terms.medium.viscosity.varies {
+            let viscosity = &self.viscosity.slots;
+            for (slots, friction) in velocity.iter().zip(&mut self.friction) {
+                pddo.laplacian_in_series(slots, viscosity, work, friction);
+            }
+        }
         if self.is_compressible {
             pddo.gradient_of_divergence(velocity, work, &mut self.slope_of_divergence);
         }
@@ -210,13 +223,24 @@ impl Differences {
         }
     }
 
-    pub(super) fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
-        let slots = &mut self.pressure.slots;
+    /// Sets the pressure. With the specific volumes (m³/kg) of two fluids by slot, differences count with their mean in series, so that
+    /// the pressure may jump where the density does.
+    pub(super) fn set_pressure(
+        &mut self,
+        pressure: &[f64],
+        force: Option<&[Vector3<f64>]>,
+        specific_volume: Option<&SlotField>,
+    ) {
+        let (pddo, work) = (&self.pddo, &mut self.work);
+        let Differentiated { slots, rows } = &mut self.pressure;
         let hydrostatic =
             Rising(|axis, point, distance| force.map_or(0.0, |f| f[point][axis] * distance));
-        slots.load(self.pddo.family(), pressure, hydrostatic);
-        self.pddo
-            .gradient(slots, &mut self.work, &mut self.pressure.rows);
+        slots.load(pddo.family(), pressure, hydrostatic);
+        self.is_per_mass = specific_volume.is_some();
+        match specific_volume {
+            Some(volume) => pddo.gradient_in_series(slots, volume, work, rows),
+            None => pddo.gradient(slots, work, rows),
+        }
     }
 
     /// Acceleration of a point of this density (kg/m³) but for convection, with the decay of short waves of a flow that is
@@ -232,18 +256,24 @@ impl Differences {
         let viscosity = &terms.medium.viscosity;
         let of: [&[f64]; D] = std::array::from_fn(|b| row(&self.velocity[b], D + 1, i));
         let pressure = row(&self.pressure.rows, D, i);
+        let weight = match self.is_per_mass {
+            true => density,
+            false => 1.0,
+        };
         let slope = viscosity.varies.then(|| row(&self.viscosity.rows, D, i));
         let viscosity = viscosity.value[i];
         let mut acceleration = Vector3::zeros();
         for a in 0..D {
-            let mut force = viscosity * of[a][D] - pressure[a];
+            let friction = match slope {
+                Some(_) => self.friction[a][i],
+                None => viscosity * of[a][D],
+            };
+            let mut force = friction - weight * pressure[a];
             if self.is_compressible {
                 force += viscosity / 3.0 * row(&self.slope_of_divergence, D, i)[a];
             }
             if let Some(slope) = slope {
-                force += (0..D)
-                    .map(|b| (of[a][b] + of[b][a]) * slope[b])
-                    .sum::<f64>();
+                force += (0..D).map(|b| of[b][a] * slope[b]).sum::<f64>();
             }
             if let Some(carried) = carried {
                 force += carried.short_waves(i, a);

@@ -29,6 +29,22 @@ impl FluidHeat {
     }
 }
 
+/// Whether `thermal` computes the temperature of a body, on which a `tension` of its interface may depend.
+pub(super) fn is_heated(
+    setup: &Setup<'_>,
+    body: BodyIndex,
+    tension: Option<&TensionLaw>,
+) -> Result<bool, SetupError> {
+    let is_heated = setup.facts::<ConductsHeat>(body).next().is_some();
+    need(
+        is_heated || tension.is_none(),
+        "interface.tension",
+        "the tension depends on the temperature, which no physics computes",
+        "`thermal` on the body, or a number for `interface.surface_tension`",
+    )?;
+    Ok(is_heated)
+}
+
 impl HeatedFluid {
     /// What a fluid needs whose temperature `thermal` computes, with the `tension` of its interface where that depends on it.
     pub(super) fn prepare(
@@ -36,14 +52,7 @@ impl HeatedFluid {
         body: BodyIndex,
         tension: Option<TensionLaw>,
     ) -> Result<Option<HeatedFluid>, SetupError> {
-        let is_heated = setup.facts::<ConductsHeat>(body).next().is_some();
-        need(
-            is_heated || tension.is_none(),
-            "interface.tension",
-            "the tension depends on the temperature, which no physics computes",
-            "`thermal` on the body, or a number for `interface.surface_tension`",
-        )?;
-        if !is_heated {
+        if !is_heated(setup, body, tension.as_ref())? {
             return Ok(None);
         }
         let is_single = setup.facts::<TwoFluids>(body).next().is_none();

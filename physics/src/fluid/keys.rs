@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use crate::advection::Convection;
 use crate::dependent_keys::need;
 
-use super::eulerian::projection::pair::Interface;
 use super::lagrangian::collision::Collisions;
+use super::pair::Interface;
 use super::state::StateLaw;
 use super::viscosity::ViscositySweep;
 
@@ -39,9 +39,10 @@ pub struct Fluid {
     /// How the pressure follows from the flow: an equation of state, such as `state.tait = { sound_speed = 20 }`, or
     /// `state.incompressible = {}`.
     pub state: Law<dyn StateLaw>,
-    /// Materials of two fluids that share the points of a fluid that keeps its volume, such as `["steel", "argon"]`: the field
-    /// `fluid_fraction` is 1 in the first and 0 in the second. It begins with the materials of the points; a formula of the
-    /// distance from the interface, `initial.fluid_fraction = "1 / (1 + exp(-d / length))"`, is smoother.
+    /// Materials of two fluids, such as `["steel", "argon"]`: the field `fluid_fraction` is 1 in the first and 0 in the second. It
+    /// begins with the materials of the points. Fluids that keep their volume share the points through which they flow; a formula
+    /// of the distance from the interface, `initial.fluid_fraction = "1 / (1 + exp(-d / length))"`, is a smoother start. In the updated
+    /// Lagrangian form of differences points keep their material: the published scheme (continuum surface force), which is less accurate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fluids: Option<Vec<String>>,
     /// The interface between two fluids.

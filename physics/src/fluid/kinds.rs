@@ -191,6 +191,7 @@ impl Fluid {
                 };
                 PointKeys::Lagrangian(match form {
                     Form::Differences => {
+                        self.take_fluids();
                         LagrangianKeys::Updated(arrangement, self.take_differences())
                     }
                     Form::Conservative => {
@@ -256,8 +257,7 @@ impl Fluid {
         if (choice.description, choice.form) != (Description::Eulerian, Form::Conservative) {
             return None;
         }
-        self.fluids.take();
-        self.interface.take();
+        self.take_fluids();
         let keys = ProjectionKeys {
             tolerance: self.state.law.incompressible().unwrap_or_default(),
         };
@@ -265,6 +265,11 @@ impl Fluid {
             convection: self.convection.take().unwrap_or_default(),
             form: EulerianForm::Projection(keys),
         }))
+    }
+
+    fn take_fluids(&mut self) {
+        self.fluids.take();
+        self.interface.take();
     }
 
     fn take_differences(&mut self) -> DifferencesKeys {

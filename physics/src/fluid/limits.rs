@@ -55,6 +55,19 @@ struct FractionOutside {
     place: [f64; 3],
 }
 
+/// A fraction differs from that of the material of its point.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the initial `fluid_fraction` is {fraction} at {place:?} m, where the material of the point makes it {own}: points that move keep their \
+     material; leave `initial.fluid_fraction` out, and choose the fluids by `materials` of regions"
+)]
+struct FractionOfPoint {
+    fraction: f64,
+    own: f64,
+    /// m.
+    place: [f64; 3],
+}
+
 /// The density of two fluids is no longer above zero.
 #[derive(Debug, thiserror::Error)]
 #[error(
@@ -72,6 +85,7 @@ struct LostFluid {
 impl FluidRun {
     /// Why the pressure of two fluids cannot be found: where the density is not above zero.
     pub(super) fn find_lost_fluid(&self, world: &World) -> Option<Cause> {
+        self.points.projection()?;
         let fraction = world.read::<f64>(self.fields.fraction?.into());
         let density = world.read::<f64>(self.fields.density.into());
         let point = density.iter().position(|rho| !(*rho > 0.0))?;
@@ -165,17 +179,42 @@ impl FluidRun {
             return Ok(());
         };
         let fraction = world.read::<f64>(fraction.into());
-        match fraction.iter().position(|c| !(0.0..=1.0).contains(c)) {
-            None => Ok(()),
-            Some(point) => Err(RunError::Plugin {
+        let body = world.body(self.body);
+        let place = |point: usize| body.points.position[point].into();
+        let cause: Option<Cause> = match (&self.points, self.points.pair()) {
+            (Points::Lagrangian(_), Some(pair)) => {
+                let own = |point: usize| match body.material_of_point[point] == pair.material[0] {
+                    true => 1.0,
+                    false => 0.0,
+                };
+                let other = (0..fraction.len()).find(|&point| fraction[point] != own(point));
+                other.map(|point| {
+                    FractionOfPoint {
+                        fraction: fraction[point],
+                        own: own(point),
+                        place: place(point),
+                    }
+                    .into()
+                })
+            }
+            _ => {
+                let outside = fraction.iter().position(|c| !(0.0..=1.0).contains(c));
+                outside.map(|point| {
+                    FractionOutside {
+                        fraction: fraction[point],
+                        place: place(point),
+                    }
+                    .into()
+                })
+            }
+        };
+        cause.map_or(Ok(()), |cause| {
+            Err(RunError::Plugin {
                 plugin: "fluid".into(),
                 time: 0.0,
-                cause: Box::new(FractionOutside {
-                    fraction: fraction[point],
-                    place: world.body(self.body).points.position[point].into(),
-                }),
-            }),
-        }
+                cause,
+            })
+        })
     }
 
     /// Largest step (s) for which sound and viscosity are stable (docs/theory/fluids.md, "Largest step"), for speeds up
@@ -208,6 +247,10 @@ impl FluidRun {
             4.0 / (rate + (rate * rate + 4.0 * frequency * frequency).sqrt())
         };
         let points = world.body(self.body).material_of_point.iter().enumerate();
-        points.map(limit).fold(f64::INFINITY, f64::min)
+        let capillary = match &self.points {
+            Points::Lagrangian(points) => points.capillary_step(),
+            Points::Eulerian(_) => f64::INFINITY,
+        };
+        points.map(limit).fold(capillary, f64::min)
     }
 }

@@ -43,6 +43,7 @@ mod boundaries;
 mod differences;
 mod eulerian;
 mod heat;
+mod interface_report;
 mod keys;
 #[cfg(test)]
 mod keys_tests;
@@ -51,6 +52,7 @@ mod lagrangian;
 mod limits;
 mod medium;
 mod needs;
+mod pair;
 mod points;
 mod prepare;
 mod rates;
@@ -67,9 +69,9 @@ pub mod viscosity;
 mod walls;
 
 pub use crate::advection::Convection;
-pub use eulerian::projection::pair::Interface;
 pub use keys::{Fluid, Form, Scheme, Stress, Surface};
 pub use lagrangian::collision::Collisions;
+pub use pair::Interface;
 pub use perimelt_core::Description;
 
 use perimelt_core::world::TwoFluids;
@@ -92,11 +94,13 @@ const STEPS_BETWEEN_LIMITS: u64 = 64;
 impl Physics for Fluid {
     fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        if let Some(fluids) = &self.fluids {
+        let keeps_volume = self.state.law.incompressible().is_some();
+        // points that move keep their material
+        if let Some(fluids) = self.fluids.as_ref().filter(|_| keeps_volume) {
             let materials = fluids.clone();
             setup.publish(body, TwoFluids { materials })?;
         }
-        if self.state.law.incompressible().is_some() {
+        if keeps_volume {
             setup.publish(body, ExpectedGift::of(&core_keys::CARRIED_HEAT))?;
         }
         setup.publish(body, self.description)

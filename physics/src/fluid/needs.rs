@@ -5,6 +5,7 @@ use perimelt_core::{Body, SetupError};
 use crate::dependent_keys::need;
 
 use super::kinds::{EulerianForm, FluidKeys, PointKeys};
+use super::pair::Interface;
 use super::viscosity::Viscosity;
 use super::walls::Walls;
 
@@ -47,6 +48,29 @@ impl FluidKeys {
             PointKeys::Eulerian(keys) => matches!(keys.form, EulerianForm::Projection(_)),
             PointKeys::Lagrangian(_) => false,
         }
+    }
+
+    /// Refuses keys that do not fit two fluids whose points keep their material.
+    pub(super) fn check_interface(
+        &self,
+        interface: Interface,
+        has_two_fluids: bool,
+    ) -> Result<(), SetupError> {
+        if !has_two_fluids || self.is_incompressible() {
+            return Ok(());
+        }
+        need(
+            interface.width.is_none(),
+            "interface.width",
+            "points that move keep their material, and the layer between the fluids has no width",
+            "no `width`, or `description = \"eulerian\"`",
+        )?;
+        need(
+            self.settings.density_diffusion == 0.0,
+            "density_diffusion",
+            "density would diffuse from one fluid to the other",
+            "no `density_diffusion`; `smoothing` acts within each fluid",
+        )
     }
 
     /// Refuses a law of viscosity that does not fit these keys.

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{FamilyHandle, SlotField, World};
+use perimelt_core::{Body, FamilyHandle, SlotField, World};
 use serde::{Deserialize, Serialize};
 
 use crate::advection::Convection;
@@ -10,9 +10,10 @@ use crate::shape_tensor::CompleteFamily;
 
 use super::eulerian::projection::Projection;
 use super::eulerian::projection::heat::HeatedFluid;
-use super::eulerian::projection::pair::FluidPair;
 use super::eulerian::{EulerianPoints, SavedEulerian};
+use super::interface_report::{InterfaceFlow, InterfaceReport};
 use super::lagrangian::{LagrangianPoints, SavedLagrangian};
+use super::pair::{FluidPair, PreparedPair};
 use super::rates::{Rates, Stability};
 use super::walls::Walls;
 
@@ -32,7 +33,7 @@ pub(super) struct Surroundings {
     pub(super) complete: CompleteFamily,
     pub(super) walls: Walls,
     /// The two fluids, where there are two.
-    pub(super) pair: Option<FluidPair>,
+    pub(super) pair: Option<PreparedPair>,
     /// Where the fluid gives the heat that it carries.
     pub(super) heat: Option<HeatedFluid>,
 }
@@ -86,6 +87,26 @@ impl Points {
         match self {
             Points::Lagrangian(_) => None,
             Points::Eulerian(points) => points.projection_mut(),
+        }
+    }
+
+    /// The two fluids, where there are two.
+    pub(super) fn pair(&self) -> Option<&FluidPair> {
+        match self {
+            Points::Lagrangian(points) => points.pair(),
+            Points::Eulerian(points) => points.projection().and_then(Projection::pair),
+        }
+    }
+
+    /// Measures the interface of two fluids.
+    pub(super) fn measure_interface(
+        &mut self,
+        body: &Body,
+        flow: InterfaceFlow<'_>,
+    ) -> Option<InterfaceReport> {
+        match self {
+            Points::Lagrangian(points) => points.measure(body, flow),
+            Points::Eulerian(points) => points.projection_mut()?.measure(body, flow),
         }
     }
 

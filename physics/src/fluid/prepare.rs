@@ -13,13 +13,13 @@ use crate::shape_tensor::CompleteFamily;
 use super::boundaries::{check_closed, check_faces};
 use super::eulerian::EulerianPoints;
 use super::eulerian::projection::heat::HeatedFluid;
-use super::eulerian::projection::pair::{FluidPair, PairKeys, PreparedPair};
-use super::eulerian::projection::phase::InterfaceReport;
-use super::heat::FluidHeat;
+use super::heat::{FluidHeat, is_heated};
+use super::interface_report::InterfaceReport;
 use super::keys::Fluid;
 use super::kinds::{FluidKeys, PointKeys};
 use super::lagrangian::LagrangianPoints;
 use super::medium::Medium;
+use super::pair::{FluidPair, PairKeys, PreparedPair};
 use super::points::{Points, Surroundings};
 use super::run::{FluidFields, FluidRun, FluidTemperature, MomentumAccount};
 use super::treatments::Treatments;
@@ -32,8 +32,12 @@ impl FluidRun {
         fluid.check_numbers(setup.body(body))?;
         let keys = fluid.take_keys()?;
         keys.check_body(setup.body(body))?;
-        let prepared = prepare_pair(&fluid, setup, body)?;
-        let (pair, tension) = prepared.map(|both| (both.pair, both.tension)).unzip();
+        let pair = prepare_pair(&fluid, setup, body)?;
+        keys.check_interface(fluid.interface.unwrap_or_default(), pair.is_some())?;
+        let varying = pair
+            .as_ref()
+            .and_then(PreparedPair::varying_tension)
+            .cloned();
         let layers = setup.layers(body, &keys::VELOCITY);
         let (faces, layers) = (layers.faces(), layers.handle);
         check_surfaces(&keys, setup, body, &faces)?;
@@ -41,14 +45,21 @@ impl FluidRun {
         keys.check_viscosity(&medium.viscosity)?;
         let mut fields = FluidFields::declare(setup, body, &medium, layers)?;
         let heat = match keys.is_incompressible() {
-            true => HeatedFluid::prepare(setup, body, tension.flatten())?,
-            false => None,
+            true => HeatedFluid::prepare(setup, body, varying)?,
+            false => {
+                if is_heated(setup, body, varying.as_ref())? && varying.is_some() {
+                    fields.interface_temperature = Some(setup.read(body, &keys::TEMPERATURE)?);
+                }
+                None
+            }
         };
         if heat.is_some() {
             fields.heat = Some(FluidHeat::declare(setup, body)?);
         }
         if let Some(pair) = &pair {
-            fields.fraction = Some(declare_fraction(setup, body, pair)?);
+            fields.fraction = Some(declare_fraction(setup, body, &pair.pair)?);
+        }
+        if pair.is_some() && keys.is_incompressible() {
             let key = &keys::INTERFACE_PRESSURE;
             fields.interface_pressure = setup.consume_if_added(body, key)?;
         }
@@ -142,6 +153,7 @@ impl FluidFields {
             pressure: setup.own(body, &keys::PRESSURE)?,
             fraction: None,
             interface_pressure: None,
+            interface_temperature: None,
             heat: None,
             body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
             velocity_layers,

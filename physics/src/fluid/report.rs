@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::{Balance, Report, World};
 
-use super::eulerian::projection::phase::InterfaceReport;
+use super::interface_report::{InterfaceFlow, InterfaceReport};
 use super::run::FluidRun;
 use super::walls::Walls;
 use crate::momentum::balances;
@@ -47,9 +47,11 @@ impl FluidRun {
             walls.observe(world, self.body);
         }
         let velocity = world.read::<Vector3<f64>>(self.fields.velocity.into());
-        if let Some(projection) = self.points.projection_mut() {
-            self.interface = projection.measure(world.body(self.body), &velocity);
-        }
+        let flow = InterfaceFlow {
+            velocity: &velocity,
+            pressure: &world.read::<f64>(self.fields.pressure.into()),
+        };
+        self.interface = self.points.measure_interface(world.body(self.body), flow);
         let density = world.read::<f64>(self.fields.density.into());
         let square: Vec<f64> = velocity.iter().map(Vector3::norm_squared).collect();
         let mass = self.masses(world, &density);

@@ -7,8 +7,8 @@ use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{PddoError, Read, SlotField, Work, World, Write};
 use serde::{Deserialize, Serialize};
 
-use super::eulerian::projection::phase::InterfaceReport;
 use super::heat::FluidHeat;
+use super::interface_report::InterfaceReport;
 use super::keys::Scheme;
 use super::medium::Medium;
 use super::points::Points;
@@ -70,6 +70,8 @@ pub(super) struct FluidFields {
     pub(super) fraction: Option<Write<f64>>,
     /// Pressure on the interface of two fluids, where something presses.
     pub(super) interface_pressure: Option<Read<f64>>,
+    /// Temperature on which the tension between two fluids depends at points that move.
+    pub(super) interface_temperature: Option<Read<f64>>,
     /// Where a fluid that keeps its volume carries heat.
     pub(super) heat: Option<FluidHeat>,
     pub(super) body_force: Option<Read<Vector3<f64>>>,

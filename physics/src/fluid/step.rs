@@ -18,7 +18,7 @@ use super::lagrangian::MotionStep;
 use super::points::Points;
 use super::rates::Terms;
 use super::run::{FluidRun, FluidTemperature, StepSettings};
-use super::treatments::{Around, Treatments};
+use super::treatments::{Around, Neighbours, Treatments};
 
 /// Why a step fails.
 pub(super) type Cause = Box<dyn std::error::Error + Send + Sync>;
@@ -45,6 +45,7 @@ impl FluidRun {
         self.set_viscosity(world);
         self.take_heat(world);
         self.take_interface_pressure(world);
+        self.find_surface_force(world);
         self.points.follow_walls(world, self.body, step.size);
         self.advance_flow(world, step)?;
         self.write_fraction(world);
@@ -82,6 +83,14 @@ impl FluidRun {
         let projection = self.points.projection_mut();
         if let (Some(pressure), Some(projection)) = (self.fields.interface_pressure, projection) {
             projection.set_interface_pressure(&world.read(pressure));
+        }
+    }
+
+    /// Finds the force between two fluids whose points move.
+    fn find_surface_force(&mut self, world: &World) {
+        if let Points::Lagrangian(points) = &mut self.points {
+            let temperature = self.fields.interface_temperature.map(|t| world.read(t));
+            points.find_surface_force(temperature.as_deref());
         }
     }
 
@@ -146,9 +155,13 @@ impl FluidRun {
         let mut pressure = world.write(self.fields.pressure);
         let volume = self.points.volumes(&world.body(self.body).points.volume);
         let medium = &self.medium;
-        self.treatments.smooth(
-            self.points.rates().family(),
+        let neighbours = Neighbours {
+            family: self.points.rates().family(),
             volume,
+            material: &world.body(self.body).material_of_point,
+        };
+        self.treatments.smooth(
+            neighbours,
             &mut world.write(self.fields.velocity),
             &mut world.write(self.fields.density),
             |i, after, rho| medium.change_density(i, after, rho, &mut pressure[i]),

@@ -17,7 +17,7 @@ use super::medium::Medium;
 use super::rates::{LargestSums, Stability};
 use super::run::FluidRun;
 use super::state::StateLaw;
-use super::treatments::Treatments;
+use super::treatments::{Neighbours, Treatments};
 use super::viscosity::Viscosity;
 use crate::shape_tensor::CompleteFamily;
 use crate::testing::{block, read, run, set, simulation, values};

@@ -31,6 +31,15 @@ pub(super) struct Around<'a> {
     pub(super) medium: &'a Medium,
 }
 
+/// Neighbours among which fields are smoothed.
+pub(super) struct Neighbours<'a> {
+    pub(super) family: &'a Family,
+    /// m³.
+    pub(super) volume: &'a [f64],
+    /// Of each point: nothing is smoothed from one material to another.
+    pub(super) material: &'a [u16],
+}
+
 /// The treatments with their work arrays.
 #[derive(Debug)]
 pub(super) struct Treatments {
@@ -213,17 +222,25 @@ impl Treatments {
     }
 
     /// Velocity and density by moving least squares over points and their neighbours, without images (Gao
-    /// (2020), eqs. 5.111 to 5.114; eq. 5.114c lacks the volumes). Points with too few neighbours keep their values.
+    /// (2020), eqs. 5.111 to 5.114; eq. 5.114c lacks the volumes), among points of one material. Points with too few neighbours keep their values.
     /// `change_density` gets each point with its new density.
     pub(super) fn smooth(
         &mut self,
-        family: &Family,
-        volume: &[f64],
+        neighbours: Neighbours<'_>,
         velocity: &mut [Vector3<f64>],
         density: &mut [f64],
         mut change_density: impl FnMut(usize, f64, &mut f64),
     ) {
+        let Neighbours {
+            family,
+            volume,
+            material,
+        } = neighbours;
         let dimension = self.dimension;
+        let same = |slot: usize, point: usize| {
+            let other = family.point_in(slot)?;
+            (material[other] == material[point]).then_some(other)
+        };
         let at = |point: usize| {
             let own = self.complete.own_weight * volume[point];
             let mut moments = Matrix4::zeros();
@@ -231,7 +248,7 @@ impl Treatments {
             // axes that a plane body does not have
             (dimension..3).for_each(|a| moments[(a + 1, a + 1)] = 1.0);
             family.for_each_bond(point, |_, bond, slot| {
-                if family.point_in(slot).is_some() {
+                if same(slot, point).is_some() {
                     let p = Vector4::new(1.0, bond.xi[0], bond.xi[1], bond.xi[2]);
                     moments += bond.weight * p * p.transpose();
                 }
@@ -244,7 +261,7 @@ impl Treatments {
             };
             let mut sum = own * weights[0] * value(point);
             family.for_each_bond(point, |_, bond, slot| {
-                if let Some(other) = family.point_in(slot) {
+                if let Some(other) = same(slot, point) {
                     let p = Vector4::new(1.0, bond.xi[0], bond.xi[1], bond.xi[2]);
                     sum += bond.weight * p.dot(&weights) * value(other);
                 }
@@ -303,13 +320,14 @@ mod tests {
             assert!((displacement[centre + 1].x - 0.5 * mean).abs() < 1e-12);
 
             let volume = &body.points.volume;
-            treatments.smooth(
-                &family,
+            let neighbours = Neighbours {
+                family: &family,
                 volume,
-                &mut velocity,
-                &mut density,
-                |_, after, rho| *rho = after,
-            );
+                material: &body.material_of_point,
+            };
+            treatments.smooth(neighbours, &mut velocity, &mut density, |_, after, rho| {
+                *rho = after
+            });
             for point in [centre, centre + 1] {
                 assert!((velocity[point].x - mean).abs() < 1e-12, "{dimension}D");
                 assert!((density[point] - 2.0 - mean).abs() < 1e-12, "{dimension}D");

@@ -101,7 +101,7 @@ impl Rates for EulerianDifferences {
     }
 
     fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
-        self.core.set_pressure(pressure, force);
+        self.core.set_pressure(pressure, force, None);
     }
 
     fn advance_density(

@@ -17,6 +17,7 @@ use crate::advection::{Convection, FlowFamily};
 
 use super::differences::Differences;
 use super::kinds::{EulerianForm, EulerianKeys};
+use super::pair::FluidPair;
 use super::points::Surroundings;
 use super::rates::{Rates, Stability};
 use super::walls::{WallBody, WallMotion, Walls};
@@ -24,7 +25,6 @@ pub(super) use carried_flow::CarriedFlow;
 use differences::EulerianDifferences;
 use fluxes::{FluxDomain, Fluxes};
 use point_motion::PointMotion;
-use projection::pair::FluidPair;
 use projection::wetted_body::WettedBody;
 use projection::{Projection, ProjectionDomain, ProjectionState};
 
@@ -102,6 +102,7 @@ impl EulerianPoints {
                 EulerianRates::Differences(Box::new(rates))
             }
             EulerianForm::Projection(keys) => {
+                let pair = around.pair.map(|prepared| prepared.pair);
                 let wetted = |pair: &FluidPair| {
                     let fluid = setup.body(body);
                     let walls = around.walls.bodies.iter();
@@ -113,11 +114,11 @@ impl EulerianPoints {
                     walls.map(of_wall).collect()
                 };
                 let domain = ProjectionDomain {
-                    wetted: around.pair.as_ref().map_or_else(Vec::new, wetted),
+                    wetted: pair.as_ref().map_or_else(Vec::new, wetted),
                     family,
                     complete: around.complete,
                     walls: around.walls,
-                    pair: around.pair,
+                    pair,
                     heat: around.heat,
                 };
                 let rates = Projection::new(keys, convection, setup.body(body), domain);

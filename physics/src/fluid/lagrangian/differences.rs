@@ -6,6 +6,7 @@ use perimelt_core::{Family, PddoError, SlotField};
 use rayon::prelude::*;
 
 use super::FollowedFamily;
+use super::surface_force::SurfaceForce;
 use crate::advection::Flux;
 use crate::fluid::differences::Differences;
 use crate::fluid::medium::Medium;
@@ -17,19 +18,38 @@ pub(super) struct LagrangianDifferences {
     core: Differences,
     /// The velocity, mirrored by walls, m/s.
     flux: Flux,
+    /// Between two fluids.
+    pub(super) surface: Option<Box<SurfaceForce>>,
 }
 
 impl LagrangianDifferences {
-    pub(super) fn new(core: Differences) -> Self {
+    pub(super) fn new(core: Differences, surface: Option<SurfaceForce>) -> Self {
         LagrangianDifferences {
             flux: Flux::new(core.dimension()),
             core,
+            surface: surface.map(Box::new),
         }
     }
 
     /// Takes the family and operators of the points at their current positions.
     pub(super) fn follow(&mut self, family: FollowedFamily<'_>) -> Result<(), PddoError> {
-        self.core.rebuild(family.positions, family.take)
+        self.core.rebuild(family.positions, family.take)?;
+        if let Some(surface) = &mut self.surface {
+            surface.follow(&self.core.pddo, &mut self.core.work);
+        }
+        Ok(())
+    }
+
+    /// Finds the force between two fluids at points at these positions (m), with these temperatures (K) where the tension depends on them.
+    pub(super) fn find_surface_force(
+        &mut self,
+        position: &[Vector3<f64>],
+        temperature: Option<&[f64]>,
+    ) {
+        if let Some(surface) = &mut self.surface {
+            let Differences { pddo, work, .. } = &mut self.core;
+            surface.find(pddo, work, position, temperature);
+        }
     }
 
     fn accelerate<const D: usize>(
@@ -42,7 +62,10 @@ impl LagrangianDifferences {
         let time = time * terms.acceleration_fraction;
         let points = velocity.par_iter_mut().enumerate();
         points.with_min_len(POINTS_PER_TASK).for_each(|(i, v)| {
-            *v += time * self.core.acceleration::<D>(terms, i, density[i], None)
+            *v += time * self.core.acceleration::<D>(terms, i, density[i], None);
+            if let Some(surface) = &self.surface {
+                *v += time * surface.acceleration[i];
+            }
         });
     }
 }
@@ -67,7 +90,8 @@ impl Rates for LagrangianDifferences {
     }
 
     fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
-        self.core.set_pressure(pressure, force);
+        let volume = self.surface.as_ref().map(|s| &s.specific_volume);
+        self.core.set_pressure(pressure, force, volume);
     }
 
     fn advance_density(

@@ -10,6 +10,7 @@ mod differences;
 mod least_distance;
 mod motion;
 mod pair_laws;
+pub(super) mod surface_force;
 mod walls;
 
 pub(super) use motion::MotionStep;
@@ -21,21 +22,24 @@ use perimelt_core::plugin::check_length;
 use perimelt_core::solver::reduce::{sum, sum_of};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Family, FamilyHandle, PddoError, PointMover, Read, Setup, SetupError, SlotField, World, Write,
-    keys,
+    Body, Family, FamilyHandle, PddoError, PointMover, Read, Setup, SetupError, SlotField, World,
+    Write, keys,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::advection::FlowFamily;
 
 use super::differences::Differences;
+use super::interface_report::{FirstFluid, InterfaceFlow, InterfaceReport};
 use super::kinds::{Arrangement, LagrangianKeys};
 use super::medium::Medium;
+use super::pair::FluidPair;
 use super::points::Surroundings;
 use super::rates::{LargestSums, Rates, Stability};
 use super::walls::{WallMotion, Walls};
 use conservative::Conservative;
 use differences::LagrangianDifferences;
+use surface_force::SurfaceForce;
 
 /// Points that carry their mass.
 #[derive(Debug)]
@@ -129,8 +133,9 @@ impl LagrangianPoints {
     pub(super) fn prepare(
         keys: LagrangianKeys,
         setup: &mut Setup<'_>,
-        around: Surroundings,
+        mut around: Surroundings,
     ) -> Result<Self, SetupError> {
+        let fluids = around.pair.take();
         let displacement = setup.own(around.body, &keys::DISPLACEMENT)?;
         let moving = match &keys {
             LagrangianKeys::Total(_) => {
@@ -152,7 +157,9 @@ impl LagrangianPoints {
         let form = match keys {
             LagrangianKeys::Total(keys) | LagrangianKeys::Updated(_, keys) => {
                 let core = Differences::prepare(keys, body, family)?;
-                LagrangianForm::Differences(Box::new(LagrangianDifferences::new(core)))
+                let surface = fluids.map(|fluids| SurfaceForce::new(fluids, body));
+                let rates = LagrangianDifferences::new(core, surface);
+                LagrangianForm::Differences(Box::new(rates))
             }
             LagrangianKeys::Conservative(_, keys) => {
                 let rates = Conservative::new(keys, body, family, around);
@@ -199,6 +206,45 @@ impl LagrangianPoints {
         if let LagrangianForm::Conservative(rates) = &mut self.form {
             rates.give_impulses(world, velocity, time);
         }
+    }
+
+    /// Force between two fluids.
+    fn surface(&self) -> Option<&SurfaceForce> {
+        match &self.form {
+            LagrangianForm::Differences(rates) => rates.surface.as_deref(),
+            LagrangianForm::Conservative(_) => None,
+        }
+    }
+
+    /// The two fluids, where there are two.
+    pub(super) fn pair(&self) -> Option<&FluidPair> {
+        self.surface().map(|surface| &surface.pair)
+    }
+
+    /// Finds the force between two fluids where their points are now, with these temperatures (K) where the tension depends on them.
+    pub(super) fn find_surface_force(&mut self, temperature: Option<&[f64]>) {
+        if let (LagrangianForm::Differences(rates), Some(moving)) = (&mut self.form, &self.moving) {
+            rates.find_surface_force(&moving.position, temperature);
+        }
+    }
+
+    /// Largest step (s) that the tension between two fluids allows.
+    pub(super) fn capillary_step(&self) -> f64 {
+        self.surface()
+            .map_or(f64::INFINITY, SurfaceForce::largest_step)
+    }
+
+    /// Measures the interface of two fluids.
+    pub(super) fn measure(&self, body: &Body, flow: InterfaceFlow<'_>) -> Option<InterfaceReport> {
+        let (surface, moving) = (self.surface()?, self.moving.as_ref()?);
+        let first = FirstFluid {
+            body,
+            fraction: &surface.fraction,
+            volume: &moving.volume,
+            position: &moving.position,
+            flow,
+        };
+        Some(InterfaceReport::of(&first, |i| surface.steepness(i)))
     }
 
     /// Masses of points that change neighbours, kg.

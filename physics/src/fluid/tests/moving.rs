@@ -221,11 +221,18 @@ fn smoothing_leaves_linear_fields_as_they_are() {
         .map(|x| Vector3::new(linear(x), x.y, -x.x))
         .collect();
     let mut density: Vec<f64> = place.iter().map(linear).collect();
+    // the densities of two materials differ by a jump
+    let material: Vec<u16> = place.iter().map(|x| u16::from(x.x > 0.45)).collect();
+    let jumps = density.iter_mut().zip(&material);
+    jumps.for_each(|(rho, m)| *rho += 10.0 * f64::from(*m));
     let (v0, rho0) = (velocity.clone(), density.clone());
-    let volume = &body.points.volume;
+    let neighbours = || Neighbours {
+        family: &family,
+        volume: &body.points.volume,
+        material: &material,
+    };
     treatments.smooth(
-        &family,
-        volume,
+        neighbours(),
         &mut velocity,
         &mut density,
         |_, after, rho| *rho = after,
@@ -236,8 +243,7 @@ fn smoothing_leaves_linear_fields_as_they_are() {
     }
     density[100] += 1.0;
     treatments.smooth(
-        &family,
-        volume,
+        neighbours(),
         &mut velocity,
         &mut density,
         |_, after, rho| *rho = after,

@@ -10,10 +10,10 @@
 //! among the neighbours,
 //!
 //! ```text
-//! sum_j w c_j o_j / sum_j w c_j,    o = 1 where points are open, 0 where they are frozen
+//! sum_j w c_j l_j / sum_j w c_j,    l = 1 where points are open with f(T) >= 1/2, else 0
 //! ```
 //!
-//! since the gas beside steps of a frozen surface would be driven by them. See docs/theory/fluids.md, "Metal and gas".
+//! since the gas beside a frozen surface would be driven by its steps, and by the rest of its layer that is open. See docs/theory/fluids.md, "Metal and gas".
 
 use perimelt_core::family::Mirrored;
 use perimelt_core::material::LatentHeat;
@@ -39,14 +39,14 @@ impl BondKernel<1, 1> for Around {
     }
 }
 
-/// `sum_j w c_j o_j` and `sum_j w c_j`, from the fraction and whether points are open.
+/// `sum_j w c_j l_j` and `sum_j w c_j`, from the fraction and whether it is liquid.
 struct LiquidPart;
 
 impl BondKernel<2, 2> for LiquidPart {
     #[inline(always)]
-    fn bond(&self, bond: &Bond, _: [f64; 2], [fraction, open]: [f64; 2]) -> [f64; 2] {
+    fn bond(&self, bond: &Bond, _: [f64; 2], [fraction, liquid]: [f64; 2]) -> [f64; 2] {
         let part = bond.weight * fraction;
-        [part * open, part]
+        [part * liquid, part]
     }
 }
 
@@ -60,6 +60,8 @@ pub(super) struct Freezing {
     /// By slot, kg/m³; infinite where points are frozen.
     pub(super) inertia: SlotField,
     sums: Vec<[f64; 2]>,
+    /// By slot: 1 where the first fluid is liquid.
+    liquid: SlotField,
     /// By slot: 1 where the first fluid has the larger part and is frozen; and the sum over the bonds.
     solid: SlotField,
     solid_around: Vec<[f64; 1]>,
@@ -73,6 +75,7 @@ impl Freezing {
             liquid_part: vec![[1.0]; points],
             inertia: SlotField::default(),
             sums: vec![[0.0; 2]; points],
+            liquid: SlotField::default(),
             solid: SlotField::default(),
             solid_around: vec![[0.0]; points],
         }
@@ -93,6 +96,9 @@ impl Projection {
         freezing.solid.load(&self.family, solid, Mirrored::Scalar);
         let around = &mut freezing.solid_around;
         self.family.sum(&Around, [&freezing.solid], around);
+        let hot = temperature.par_iter().with_min_len(POINTS_PER_TASK);
+        hot.map(|t| *t >= limit)
+            .collect_into_vec(&mut self.state.melted);
         let points = fraction.par_iter().zip(temperature).zip(&*around);
         let is_frozen = |((c, t), [solid]): ((&f64, &f64), &[f64; 1])| {
             *t < limit && (*c > 0.5 || *c > LAYER && *solid > 0.0)
@@ -107,6 +113,8 @@ impl Projection {
             return;
         };
         let (family, frozen) = (&*self.family, &self.state.frozen);
+        let liquid = |i: usize| f64::from(u8::from(!frozen[i] && self.state.melted[i]));
+        freezing.liquid.load(family, liquid, Mirrored::Scalar);
         let open = |i: usize| f64::from(u8::from(!frozen[i]));
         self.slots.open.load(family, open, Mirrored::Scalar);
         let inertia = |i: usize| match frozen[i] {
@@ -114,7 +122,7 @@ impl Projection {
             false => density[i],
         };
         freezing.inertia.load(family, inertia, Mirrored::Scalar);
-        let inputs: [&[f64]; 2] = [&self.slots.fraction, &self.slots.open];
+        let inputs: [&[f64]; 2] = [&self.slots.fraction, &freezing.liquid];
         family.sum(&LiquidPart, inputs, &mut freezing.sums);
         let least = NONE * self.complete.content;
         let points = freezing.liquid_part.par_iter_mut().zip(&freezing.sums);
@@ -141,8 +149,8 @@ mod tests {
     use crate::testing::{Melting, read, run, set, simulation, values};
     use crate::thermal::Thermal;
 
-    /// An ellipse of metal in vortices of a gas, at one temperature.
-    fn metal_in_gas(temperature: f64, end: f64) -> Simulation {
+    /// An ellipse of metal in a gas, at rest or in vortices of this speed (m/s), at one temperature.
+    fn metal_in_gas(speed: f64, temperature: f64, end: f64) -> Simulation {
         let gas = "density = 1\nviscosity = 0.02\nspecific_heat = 100\nconductivity = 0.05";
         let metal = "density = 20\nviscosity = 0.05\nspecific_heat = 5\nconductivity = 0.2\nsurface_tension = 0.1\n\
             solidus = 1000\nliquidus = 1040\nlatent_heat = 1000";
@@ -158,7 +166,7 @@ mod tests {
         let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(Melting {})];
         let mut s = simulation(body, physics, couplers, end);
         set(&mut s, "velocity", |[x, y, _]| {
-            [(TAU * y).sin(), (TAU * x).sin(), 0.0]
+            [speed * (TAU * y).sin(), speed * (TAU * x).sin(), 0.0]
         });
         set(&mut s, "temperature", |_| [temperature]);
         set(&mut s, "fluid_fraction", |[x, y, _]| {
@@ -189,7 +197,7 @@ mod tests {
             (1021.0, false),
             (1200.0, false),
         ] {
-            let mut s = metal_in_gas(temperature, 0.05);
+            let mut s = metal_in_gas(1.0, temperature, 0.05);
             let before = fraction(&s);
             run(&mut s);
             let (after, speeds) = (fraction(&s), speeds(&s));
@@ -223,6 +231,20 @@ mod tests {
                 .map(|t| (t / temperature - 1.0).abs())
                 .fold(0.0, f64::max);
             assert!(deviation < 1e-9, "{temperature}: {deviation}");
+        }
+    }
+
+    /// The tension of a frozen surface drives nothing, whatever its shape.
+    #[test]
+    fn the_tension_of_a_frozen_surface_is_none() {
+        for (temperature, least, most) in [(900.0, 0.0, 1e-12), (1200.0, 1e-3, 1.0)] {
+            let mut s = metal_in_gas(0.0, temperature, 0.05);
+            run(&mut s);
+            let fastest = speeds(&s).into_iter().fold(0.0, f64::max);
+            assert!(
+                (least..=most).contains(&fastest),
+                "{temperature}: {fastest}"
+            );
         }
     }
 }

@@ -18,8 +18,7 @@ mod flow;
 mod freezing;
 pub(in crate::fluid) mod heat;
 mod kernels;
-pub(in crate::fluid) mod pair;
-pub(in crate::fluid) mod phase;
+mod phase;
 mod pressure;
 mod slots;
 #[cfg(test)]
@@ -44,8 +43,7 @@ use flow::largest;
 use freezing::Freezing;
 use heat::{FlowHeat, HeatedFluid};
 use kernels::{Inputs, JumpSums, RIGID};
-use pair::FluidPair;
-use phase::{InterfaceReport, Measured, Phase};
+use phase::{Measured, Phase};
 use pressure::{PressureBonds, PressureSolver};
 use slots::FlowSlots;
 use thermocapillary::Thermocapillary;
@@ -56,7 +54,9 @@ use super::fluxes::FlowNow;
 use super::fluxes::kernels::{ViscosityInputs, ViscositySums};
 use super::fluxes::short_waves::{DecayingWaves, FlowBonds};
 use crate::advection::Convection;
+use crate::fluid::interface_report::{InterfaceFlow, InterfaceReport};
 use crate::fluid::medium::Medium;
+use crate::fluid::pair::FluidPair;
 use crate::fluid::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
 use crate::fluid::walls::Walls;
 use crate::shape_tensor::CompleteFamily;
@@ -130,6 +130,8 @@ pub(in crate::fluid) struct ProjectionState {
     interface_pressure: Vec<f64>,
     /// Whether the first fluid has frozen at a point; empty where it does not freeze.
     frozen: Vec<bool>,
+    /// Whether a point is above the melt, so that the first fluid is liquid there.
+    melted: Vec<bool>,
 }
 
 const PUSH_2D: usize = Inputs::<2>::PUSH;
@@ -239,6 +241,7 @@ impl Projection {
         }
         if self.freezing.is_some() {
             check_length("frozen points", state.frozen.len(), points)?;
+            check_length("melted points", state.melted.len(), points)?;
         }
         self.state = state;
         Ok(())
@@ -309,11 +312,11 @@ impl Projection {
         Some([dot(&phase.fraction, volume), self.state.first_volume])
     }
 
-    /// Measures the interface of two fluids with this velocity (m/s).
+    /// Measures the interface of two fluids.
     pub(in crate::fluid) fn measure(
         &mut self,
         body: &Body,
-        velocity: &[Vector3<f64>],
+        flow: InterfaceFlow<'_>,
     ) -> Option<InterfaceReport> {
         let phase = self.phase.as_mut()?;
         let measured = Measured {
@@ -321,7 +324,7 @@ impl Projection {
             inverse: 1.0 / self.complete.moment,
             slots: &self.slots,
             body,
-            velocity,
+            flow,
         };
         Some(match self.dimension {
             2 => phase.measure::<2>(measured),

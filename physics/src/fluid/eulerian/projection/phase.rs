@@ -11,21 +11,18 @@
 //! `-gamma kappa grad H`, `kappa = div n`, `H = 3 c^2 - 2 c^3`; along a bond `-gamma (kappa_i + kappa_j)/2 (H_j - H_i)`, which a pressure
 //! balances where the curvature is uniform.
 
-use std::f64::consts::PI;
-
 use nalgebra::Vector3;
 use perimelt_core::family::{ByRules, ForeignGhost, Mirrored};
-use perimelt_core::solver::reduce::sum_points;
-use perimelt_core::{Body, Bond, BondKernel, Family, Report, SlotField};
+use perimelt_core::{Body, Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
-use super::pair::FluidPair;
 use super::slots::FlowSlots;
 use super::wetted_body::WettedBody;
 use super::wetting::Wetting;
+use crate::fluid::interface_report::{FirstFluid, InterfaceFlow, InterfaceReport};
+use crate::fluid::pair::FluidPair;
 use crate::fluid::rates::POINTS_PER_TASK;
 use crate::fluid::walls::Walls;
-use crate::momentum::AXES;
 
 /// Fractions are cut to this distance from 0 and 1 where their logarithm is taken.
 const CUT: f64 = 1e-12;
@@ -213,28 +210,19 @@ impl Phase {
             inverse,
             slots,
             body,
-            velocity,
+            flow,
         } = measured;
-        let volume = &body.points.volume;
         let (slopes, _) = self.gradient.as_chunks_mut::<D>();
         family.sum(&Gradient { inverse }, [&slots.fraction], slopes);
         let steepness = |i: usize| slopes[i].iter().map(|x| x * x).sum::<f64>().sqrt();
-        let [area] = sum_points(volume.len(), |i| [volume[i] * steepness(i)]);
-        let fraction = &self.fraction;
-        let [whole] = sum_points(volume.len(), |i| [volume[i] * fraction[i]]);
-        let mean = |of: &[Vector3<f64>]| {
-            let sum = sum_points(volume.len(), |i| (volume[i] * fraction[i] * of[i]).into());
-            sum.map(|x| x / whole)
+        let first = FirstFluid {
+            body,
+            fraction: &self.fraction,
+            volume: &body.points.volume,
+            position: &body.points.position,
+            flow,
         };
-        InterfaceReport {
-            area,
-            roundness: match D {
-                2 => 2.0 * (PI * whole * body.thickness).sqrt() / area,
-                _ => PI.cbrt() * (6.0 * whole).powf(2.0 / 3.0) / area,
-            },
-            centre: mean(&body.points.position),
-            velocity: mean(velocity),
-        }
+        InterfaceReport::of(&first, steepness)
     }
 }
 
@@ -256,35 +244,5 @@ pub(super) struct Measured<'a> {
     pub(super) inverse: f64,
     pub(super) slots: &'a FlowSlots,
     pub(super) body: &'a Body,
-    /// m/s.
-    pub(super) velocity: &'a [Vector3<f64>],
-}
-
-/// What is reported of the interface and the first fluid.
-#[derive(Clone, Copy, Debug, Default)]
-pub(in crate::fluid) struct InterfaceReport {
-    /// m².
-    area: f64,
-    /// Surface of a sphere, or in the plane circumference of a circle, of the volume of the first fluid over that of the interface.
-    roundness: f64,
-    /// Of the first fluid, m.
-    centre: [f64; 3],
-    /// Of the first fluid, m/s.
-    velocity: [f64; 3],
-}
-
-impl InterfaceReport {
-    pub(in crate::fluid) fn reports(&self) -> Vec<Report> {
-        let mut all = vec![
-            Report::new("interface.area", "m2", self.area),
-            Report::new("interface.roundness", "1", self.roundness),
-        ];
-        for (axis, name) in AXES.into_iter().enumerate() {
-            let centre = format!("first_fluid.centre.{name}");
-            let velocity = format!("first_fluid.velocity.{name}");
-            all.push(Report::new(centre, "m", self.centre[axis]));
-            all.push(Report::new(velocity, "m/s", self.velocity[axis]));
-        }
-        all
-    }
+    pub(super) flow: InterfaceFlow<'a>,
 }

@@ -6,10 +6,10 @@ use perimelt_core::family::{ByRules, LayerRule};
 use perimelt_core::world::{ContactAngle, WallPlace};
 use perimelt_core::{Face, SlotField};
 
-use super::pair::FluidPair;
 use super::{Projection, ProjectionDomain, ProjectionKeys, VOLUME_2D, VOLUME_3D};
 use crate::advection::Convection;
 use crate::fluid::medium::Medium;
+use crate::fluid::pair::FluidPair;
 use crate::fluid::rates::{Rates, Terms};
 use crate::fluid::state::Incompressible;
 use crate::fluid::tests::{Filled, MirroredBox, flow, periodic};

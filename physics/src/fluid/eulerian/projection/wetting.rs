@@ -14,9 +14,9 @@ use perimelt_core::world::WallPlace;
 use perimelt_core::{Body, Bond, BondKernel, Face, SlotField};
 use rayon::prelude::*;
 
-use super::pair::FluidPair;
 use super::phase::InterfaceBonds;
 use super::wetted_body::WettedBody;
+use crate::fluid::pair::FluidPair;
 use crate::fluid::walls::Walls;
 
 /// `c (1 - c)` below which the curvature of the row at a wall fades: there the interface has no force.
@@ -60,14 +60,6 @@ impl Wetting {
     ) -> Self {
         let at_faces = Face::ALL.map(|face| pair.contact_cosine(WallPlace::Face(face)));
         let cosine = at_faces.map(|cosine| cosine.unwrap_or(0.0));
-        let closed = Face::ALL.into_iter().filter(|f| !body.periodic[f.axis()]);
-        let gradient = closed.map(|face| {
-            let outwards = if face.is_upper() { 1.0 } else { -1.0 };
-            let mut rule = LayerRule::even(face);
-            rule.scale[face.axis()] = -1.0;
-            rule.offset[face.axis()] = 2.0 * outwards * cosine[face as usize];
-            rule
-        });
         let wetted = |f: &Face| at_faces[*f as usize].is_some();
         let faces = || Face::ALL.into_iter().filter(wetted);
         let is_next_to = |point: usize, face: Face| {
@@ -86,7 +78,7 @@ impl Wetting {
             .filter(|&point| beside_body[point] || faces().any(|face| is_next_to(point, face)));
         Wetting {
             cosine,
-            gradient: gradient.collect(),
+            gradient: pair.normal_rules(body),
             bodies,
             row: row.map(|point| point as u32).collect(),
             profile: SlotField::default(),

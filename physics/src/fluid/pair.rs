@@ -2,11 +2,12 @@
 
 use std::f64::consts::PI;
 
+use perimelt_core::family::LayerRule;
 use perimelt_core::law::Law;
 use perimelt_core::material::Property;
 use perimelt_core::numbers::{check_at_least, check_positive};
 use perimelt_core::world::{BodyIndex, ContactAngle, WallPlace};
-use perimelt_core::{Body, Setup, SetupError, SurfaceTension, TensionLaw};
+use perimelt_core::{Body, Face, Setup, SetupError, SurfaceTension, TensionLaw};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -15,14 +16,15 @@ use crate::fluid::viscosity::ViscositySweep;
 use crate::tension::prepare_tension;
 
 /// The interface between two fluids.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Interface {
     /// Length over which the fraction of a fluid changes, in spacings; across a plane interface it is
-    /// `1 / (1 + exp(-distance / length))`. With 0.6 a rising bubble is 4 % too slow; larger values cost resolution.
-    #[serde(default = "usual_width")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub width: f64,
+    /// `1 / (1 + exp(-distance / length))`. With 0.6 a rising bubble is 4 % too slow; larger values cost resolution. For fluids that
+    /// flow through their points.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = 0.75, "exclusiveMinimum" = 0))]
+    pub width: Option<f64>,
     /// Tension of the interface, N/m, at the `reference_temperature` if `tension.slope` is given; when left out, the property
     /// `surface_tension` of the first fluid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -37,20 +39,8 @@ pub struct Interface {
     pub reference_temperature: Option<f64>,
 }
 
-fn usual_width() -> f64 {
-    0.75
-}
-
-impl Default for Interface {
-    fn default() -> Self {
-        Interface {
-            width: usual_width(),
-            surface_tension: None,
-            tension: None,
-            reference_temperature: None,
-        }
-    }
-}
+/// Usual width of an interface, in spacings.
+const WIDTH: f64 = 0.75;
 
 impl Interface {
     /// The tension between two fluids of a body, which are these materials.
@@ -124,11 +114,18 @@ pub(in crate::fluid) struct PairKeys<'a> {
     pub(in crate::fluid) viscosity: Option<&'a Law<dyn ViscositySweep>>,
 }
 
-/// Two fluids, and the tension between them where it depends on the temperature.
+/// Two fluids, and the tension between them.
 #[derive(Clone, Debug)]
 pub(in crate::fluid) struct PreparedPair {
     pub(in crate::fluid) pair: FluidPair,
-    pub(in crate::fluid) tension: Option<TensionLaw>,
+    pub(in crate::fluid) tension: TensionLaw,
+}
+
+impl PreparedPair {
+    /// The tension, where it depends on the temperature.
+    pub(in crate::fluid) fn varying_tension(&self) -> Option<&TensionLaw> {
+        Some(&self.tension).filter(|law| !law.is_constant())
+    }
 }
 
 /// Two fluids.
@@ -155,8 +152,7 @@ impl FluidPair {
         setup: &mut Setup<'_>,
         body: BodyIndex,
     ) -> Result<PreparedPair, SetupError> {
-        let width = keys.interface.width;
-        check_positive("interface.width", width, "")?;
+        check_positive("interface.width", keys.interface.width, "")?;
         need(
             keys.viscosity.is_none_or(|law| law.name == "newtonian"),
             "viscosity",
@@ -199,22 +195,33 @@ impl FluidPair {
             density: material.map(|m| densities[m as usize]),
             viscosity,
             surface_tension,
-            width,
+            width: keys.interface.width.unwrap_or(WIDTH),
             angles: match surface_tension > 0.0 {
                 true => setup.facts(body).copied().collect(),
                 false => Vec::new(),
             },
         };
-        Ok(PreparedPair {
-            pair,
-            tension: (!law.is_constant()).then_some(law),
-        })
+        Ok(PreparedPair { pair, tension: law })
     }
 
     /// Cosine of the angle in the first fluid at which the interface meets a wall; none where the wall has no angle.
     pub(in crate::fluid) fn contact_cosine(&self, wall: WallPlace) -> Option<f64> {
         let found = self.angles.iter().find(|angle| angle.wall == wall)?;
         Some(found.angle.to_radians().cos())
+    }
+
+    /// How normals into the first fluid continue behind faces: on a face they have the angle there, 90 degrees where it has none.
+    pub(in crate::fluid) fn normal_rules(&self, body: &Body) -> Vec<LayerRule> {
+        let closed = Face::ALL.into_iter().filter(|f| !body.periodic[f.axis()]);
+        let rule = |face: Face| {
+            let outwards = if face.is_upper() { 1.0 } else { -1.0 };
+            let cosine = self.contact_cosine(WallPlace::Face(face)).unwrap_or(0.0);
+            let mut rule = LayerRule::even(face);
+            rule.scale[face.axis()] = -1.0;
+            rule.offset[face.axis()] = 2.0 * outwards * cosine;
+            rule
+        };
+        closed.map(rule).collect()
     }
 
     /// Of a mixture, kg/m³.

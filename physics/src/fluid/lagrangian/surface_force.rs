@@ -1,0 +1,401 @@
+//! Two fluids at points that move, each of which keeps its material: continuum surface force (Brackbill et al. (1992), Morris (2000)), in the
+//! form of Wang (2025), section 8.3, and Gao (2020), chapter 6.
+//!
+//! With c = 1 in the first fluid and 0 in the second, s = 1 where `|grad c|` exceeds a hundredth of an inverse spacing and 0 elsewhere:
+//!
+//! ```text
+//! n     = grad c / |grad c|,   kappa_i = sum_j s_j (n_j - n_i) . g1 V_j / (sum_j s_j w V_j / sum_j w V_j)
+//! a     = beta |grad c| [-gamma kappa n + dgamma/dT (grad T - (n . grad T) n)],   beta = 2/(rho_1 + rho_2)
+//! ```
+//!
+//! One gradient of c on both sides does what the publications do by normals that point from the own fluid to the other one and a change of
+//! their sign (Wang (2025), eqs. 8.50 to 8.67). The pressure takes `beta_ij = 2/(rho_i + rho_j)` in its gradient, so that a jump `gamma kappa`
+//! balances the force exactly at any ratio of densities. Near walls with a contact angle, normals go over to the one that has the angle
+//! (eqs. 8.54 to 8.60).
+
+use std::f64::consts::TAU;
+
+use nalgebra::Vector3;
+use perimelt_core::family::{ByRules, LayerRule, Mirrored};
+use perimelt_core::world::WallPlace;
+use perimelt_core::{
+    Body, Bond, BondKernel, Derivatives, Face, Family, Pddo, SlotField, TensionLaw,
+};
+use rayon::prelude::*;
+
+use crate::fluid::pair::{FluidPair, PreparedPair};
+use crate::fluid::rates::POINTS_PER_TASK;
+
+/// Gradient of the fraction below which a point does not belong to the interface, over an inverse spacing (Morris (2000)).
+const LEAST_GRADIENT: f64 = 0.01;
+
+/// Depth below a wall in which normals go over to the one that has the contact angle, in spacings (Wang (2025), eq. 8.60).
+const WALL_DEPTH: f64 = 2.0;
+
+/// `sum_j s_j w V_j` and `sum_j w V_j`.
+struct Selected;
+
+impl BondKernel<1, 2> for Selected {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, _: [f64; 1], other: [f64; 1]) -> [f64; 2] {
+        [bond.weight * other[0], bond.weight]
+    }
+}
+
+/// A face that the interface meets at an angle.
+#[derive(Debug)]
+struct WettedFace {
+    /// Out of the fluid.
+    normal: Vector3<f64>,
+    /// Coordinate along the normal, m.
+    position: f64,
+    cosine: f64,
+    sine: f64,
+}
+
+/// Force at the interface of two fluids.
+#[derive(Debug)]
+pub(in crate::fluid) struct SurfaceForce {
+    pub(in crate::fluid) pair: FluidPair,
+    tension: TensionLaw,
+    /// m.
+    spacing: f64,
+    faces: Vec<WettedFace>,
+    /// How normals continue behind faces.
+    rules: Vec<LayerRule>,
+    /// 1 at points of the first fluid, 0 at points of the second.
+    pub(super) fraction: Vec<f64>,
+    /// By slot: fraction, specific volume (m³/kg), whether a point belongs to the interface, normals and temperature (K).
+    fractions: SlotField,
+    pub(super) specific_volume: SlotField,
+    selected: SlotField,
+    normals: Vec<SlotField>,
+    temperature: SlotField,
+    /// Rows of points: gradients of the fraction, of the selection (1/m) and of the temperature (K/m).
+    steps: Vec<f64>,
+    edges: Vec<f64>,
+    slopes: Vec<f64>,
+    /// By point; a normal is zero outside of the interface.
+    normal: Vec<Vector3<f64>>,
+    /// 1/m.
+    curvature: Vec<f64>,
+    shares: Vec<[f64; 2]>,
+    /// m/s².
+    pub(super) acceleration: Vec<Vector3<f64>>,
+}
+
+impl SurfaceForce {
+    /// Force between the fluids of `body`, whose tension follows a law.
+    pub(super) fn new(fluids: PreparedPair, body: &Body) -> Self {
+        let PreparedPair { pair, tension } = fluids;
+        let points = body.points.len();
+        let is_first = |m: &u16| if *m == pair.material[0] { 1.0 } else { 0.0 };
+        let wetted = |face: Face| {
+            let cosine = pair.contact_cosine(WallPlace::Face(face))?;
+            let outwards = if face.is_upper() { 1.0 } else { -1.0 };
+            Some(WettedFace {
+                normal: Vector3::ith(face.axis(), outwards),
+                position: outwards * body.face_position(face),
+                cosine,
+                sine: (1.0 - cosine * cosine).sqrt(),
+            })
+        };
+        SurfaceForce {
+            faces: Face::ALL.into_iter().filter_map(wetted).collect(),
+            rules: pair.normal_rules(body),
+            fraction: body.material_of_point.iter().map(is_first).collect(),
+            spacing: body.finest_spacing(),
+            fractions: SlotField::default(),
+            specific_volume: SlotField::default(),
+            selected: SlotField::default(),
+            normals: vec![SlotField::default(); body.dimension],
+            temperature: SlotField::default(),
+            steps: Vec::new(),
+            edges: Vec::new(),
+            slopes: Vec::new(),
+            normal: vec![Vector3::zeros(); points],
+            curvature: Vec::new(),
+            shares: vec![[0.0; 2]; points],
+            acceleration: vec![Vector3::zeros(); points],
+            pair,
+            tension,
+        }
+    }
+
+    /// Gradient of the fraction at a point, 1/m.
+    fn step(&self, point: usize) -> Vector3<f64> {
+        row(&self.steps, self.normals.len(), point)
+    }
+
+    /// Size of the gradient of the fraction at a point, 1/m.
+    pub(super) fn steepness(&self, point: usize) -> f64 {
+        self.step(point).norm()
+    }
+
+    /// Largest step, `sqrt(rho dx^3 / (2 pi gamma)) / 4` with the smaller density (Wang (2025), eq. 8.114): a quarter of that of waves
+    /// at a lattice, since the curvature of points in disorder is noisy; s.
+    pub(super) fn largest_step(&self) -> f64 {
+        let [first, second] = self.pair.density;
+        let tension = self.pair.surface_tension;
+        0.25 * (first.min(second) * self.spacing.powi(3) / (TAU * tension)).sqrt()
+    }
+
+    /// Takes the family of the points where they are now.
+    pub(super) fn follow(&mut self, pddo: &Pddo, work: &mut Derivatives) {
+        let (family, fraction) = (pddo.family(), &self.fraction);
+        (self.fractions).load(family, &fraction[..], Mirrored::Scalar);
+        let [first, second] = self.pair.density;
+        let volume = |i: usize| {
+            if fraction[i] > 0.5 {
+                1.0 / first
+            } else {
+                1.0 / second
+            }
+        };
+        (self.specific_volume).load(family, volume, Mirrored::Scalar);
+        pddo.gradient(&self.fractions, work, &mut self.steps);
+    }
+
+    /// Finds the force on points at these positions (m) and, where the tension depends on them, temperatures (K).
+    pub(super) fn find(
+        &mut self,
+        pddo: &Pddo,
+        work: &mut Derivatives,
+        position: &[Vector3<f64>],
+        temperature: Option<&[f64]>,
+    ) {
+        self.find_normals(pddo.family(), position);
+        self.find_curvature(pddo, work);
+        if let Some(temperature) = temperature {
+            (self.temperature).load(pddo.family(), temperature, Mirrored::Scalar);
+            pddo.gradient(&self.temperature, work, &mut self.slopes);
+        }
+        let dimension = self.normals.len();
+        let mut acceleration = std::mem::take(&mut self.acceleration);
+        let factor = 2.0 / self.pair.density.iter().sum::<f64>();
+        let points = acceleration.par_iter_mut().enumerate();
+        points.with_min_len(POINTS_PER_TASK).for_each(|(i, a)| {
+            let normal = &self.normal[i];
+            let now = temperature.map_or(0.0, |t| t[i]);
+            let mut force = -self.tension.value(now) * self.curvature[i] * normal;
+            if temperature.is_some() {
+                let slope = row(&self.slopes, dimension, i);
+                force += self.tension.slope(now) * (slope - normal.dot(&slope) * normal);
+            }
+            *a = if *normal == Vector3::zeros() {
+                Vector3::zeros()
+            } else {
+                factor * self.steepness(i) * force
+            };
+        });
+        self.acceleration = acceleration;
+    }
+
+    /// Finds the normals into the first fluid, and which points belong to the interface.
+    fn find_normals(&mut self, family: &Family, position: &[Vector3<f64>]) {
+        let mut normal = std::mem::take(&mut self.normal);
+        let least = LEAST_GRADIENT / self.spacing;
+        let points = normal.par_iter_mut().zip(position).enumerate();
+        let points = points.with_min_len(POINTS_PER_TASK);
+        points.for_each(|(i, (normal, place))| {
+            let step = self.step(i);
+            let size = step.norm();
+            *normal = Vector3::zeros();
+            if size > least {
+                *normal = self.at_walls(step / size, place);
+            }
+        });
+        let is_selected = |i: usize| {
+            if normal[i] == Vector3::zeros() {
+                0.0
+            } else {
+                1.0
+            }
+        };
+        self.selected.load(family, is_selected, Mirrored::Scalar);
+        for (axis, slots) in self.normals.iter_mut().enumerate() {
+            let along = |i: usize| normal[i][axis];
+            slots.load(family, along, ByRules(&self.rules, axis));
+            let each = slots.par_iter_mut().zip(&self.selected[..]);
+            let each = each.with_min_len(POINTS_PER_TASK);
+            each.for_each(|(along, selected)| *along *= selected);
+        }
+        self.normal = normal;
+    }
+
+    /// A normal near walls that the interface meets at an angle.
+    fn at_walls(&self, normal: Vector3<f64>, place: &Vector3<f64>) -> Vector3<f64> {
+        let depth = WALL_DEPTH * self.spacing;
+        let mut blended = normal;
+        for face in &self.faces {
+            let below = face.position - face.normal.dot(place);
+            let along = blended - blended.dot(&face.normal) * face.normal;
+            let length = along.norm();
+            if below >= depth || length < 1e-8 {
+                continue;
+            }
+            let at_wall = along * (face.sine / length) + face.cosine * face.normal;
+            let part = (below / depth).max(0.0);
+            blended = (part * blended + (1.0 - part) * at_wall).normalize();
+        }
+        blended
+    }
+
+    fn find_curvature(&mut self, pddo: &Pddo, work: &mut Derivatives) {
+        pddo.divergence(&self.normals, work, &mut self.curvature);
+        pddo.gradient(&self.selected, work, &mut self.edges);
+        (pddo.family()).sum(&Selected, [&self.selected], &mut self.shares);
+        let dimension = self.normals.len();
+        let (normal, edges) = (&self.normal, &self.edges);
+        let points = self.curvature.par_iter_mut().zip(&self.shares).enumerate();
+        let points = points.with_min_len(POINTS_PER_TASK);
+        points.for_each(|(i, (curvature, [selected, all]))| {
+            // neighbours outside of the interface have no normal
+            let missing = normal[i].dot(&row(edges, dimension, i));
+            *curvature = match *selected > 0.0 {
+                true => (*curvature - missing) * all / selected,
+                false => 0.0,
+            };
+        });
+    }
+}
+
+/// The row of a point as a vector.
+fn row(rows: &[f64], dimension: usize, point: usize) -> Vector3<f64> {
+    let row = &rows[point * dimension..][..dimension];
+    Vector3::from_fn(|a, _| row.get(a).copied().unwrap_or(0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+    use std::sync::Arc;
+
+    use perimelt_core::body::Store;
+    use perimelt_core::world::ContactAngle;
+    use perimelt_core::{Horizon, PartialVolume};
+
+    use super::*;
+    use crate::testing::block;
+
+    const DENSITY: [f64; 2] = [8.0, 2.0];
+
+    /// A square of `n` times `n` points of side 1 whose points in `first` are of the first fluid, with a tension of 1 N/m.
+    fn square(
+        n: usize,
+        first: impl Fn(&Vector3<f64>) -> bool,
+        angles: Vec<ContactAngle>,
+    ) -> (Body, Pddo, SurfaceForce) {
+        let mut body = block([n, n, 1], 2, 1.0 / n as f64, Store::Lattice, "density = 2");
+        let position = &body.points.position;
+        body.material_of_point = position.iter().map(|x| u16::from(!first(x))).collect();
+        let mut spec = Pddo::spec(Horizon::Spacings(3.0));
+        spec.partial_volume = PartialVolume::None;
+        spec.layers = Face::ALL.to_vec();
+        let family = Family::build(&body, &spec).expect("valid");
+        let pddo = Pddo::build(&body, Arc::new(family), 2).expect("complete families");
+        let pair = FluidPair {
+            material: [0, 1],
+            density: DENSITY,
+            viscosity: [1.0; 2],
+            surface_tension: 1.0,
+            width: 0.75,
+            angles,
+        };
+        let fluids = PreparedPair {
+            pair,
+            tension: TensionLaw::constant(1.0),
+        };
+        let mut surface = SurfaceForce::new(fluids, &body);
+        let mut work = Derivatives::default();
+        surface.follow(&pddo, &mut work);
+        surface.find(&pddo, &mut work, &body.points.position, None);
+        (body, pddo, surface)
+    }
+
+    /// The gradients of a plane interface on a square lattice, by row from it, add up to one over both sides.
+    #[test]
+    fn a_plane_interface_has_the_gradient_of_its_rows() {
+        let n = 20;
+        let (_, _, surface) = square(n, |x| x.y < 0.5, Vec::new());
+        let at = |row: usize| surface.steepness(row * n + n / 2) / n as f64;
+        for (row, expected) in [0.362345683, 0.130057626, 0.007596691, 0.0]
+            .into_iter()
+            .enumerate()
+        {
+            for row in [n / 2 + row, n / 2 - 1 - row] {
+                assert!((at(row) - expected).abs() < 1e-8, "{row}: {}", at(row));
+            }
+        }
+        let sum: f64 = (0..n).map(at).sum();
+        assert!((sum - 1.0).abs() < 1e-12, "{sum}");
+        // it is not curved
+        let fastest = surface.acceleration.iter().map(Vector3::norm);
+        assert!(fastest.fold(0.0, f64::max) < 1e-9);
+    }
+
+    /// The force across a circle adds up to the tension over the radius, within the error of the published curvature, and its sum
+    /// over both fluids to zero.
+    #[test]
+    fn the_force_on_a_circle_is_that_of_its_curvature() {
+        let radius = 0.33851;
+        for (n, expected) in [(40, 1.019), (80, 1.022)] {
+            let centre = Vector3::new(0.5, 0.5, 0.5 / n as f64);
+            let inside = |x: &Vector3<f64>| (x - centre).norm() < radius;
+            let (body, _, surface) = square(n, inside, Vec::new());
+            let volume = (n as f64).powi(-2);
+            let mean = 0.5 * (DENSITY[0] + DENSITY[1]);
+            let (mut across, mut total) = (0.0, Vector3::zeros());
+            for (x, a) in body.points.position.iter().zip(&surface.acceleration) {
+                let arm = x - centre;
+                across -= mean * a.dot(&arm) / arm.norm_squared() * volume;
+                total += mean * volume * a;
+            }
+            let jump = across / (2.0 * PI) * radius;
+            assert!((jump - expected).abs() < 0.01, "{n}: {jump}");
+            assert!(total.norm() < 1e-10, "{n}: {total}");
+        }
+    }
+
+    /// A jump of the pressure by tension times curvature balances the force at a plane interface at any ratio of densities.
+    #[test]
+    fn a_jump_of_the_pressure_balances_the_force() {
+        let n = 16;
+        let (body, pddo, mut surface) = square(n, |x| x.y < 0.5, Vec::new());
+        let curvature = 3.0;
+        for density in [[1.0, 1.0], [10.0, 1.0], [1000.0, 1.0]] {
+            surface.pair.density = density;
+            let mut work = Derivatives::default();
+            surface.follow(&pddo, &mut work);
+            let jump: Vec<f64> = surface.fraction.iter().map(|c| curvature * c).collect();
+            let mut pressure = SlotField::default();
+            pressure.load(pddo.family(), &jump[..], Mirrored::Scalar);
+            let mut rows = Vec::new();
+            let volume = &surface.specific_volume;
+            pddo.gradient_in_series(&pressure, volume, &mut work, &mut rows);
+            let factor = 2.0 / (density[0] + density[1]);
+            for point in 0..body.points.len() {
+                let force = factor * curvature * surface.step(point);
+                let difference = (force - row(&rows, 2, point)).norm();
+                assert!(difference < 1e-12 * n as f64, "{density:?}: {difference}");
+            }
+        }
+    }
+
+    /// On a wall the normal into the first fluid has the angle, whatever the gradient is; two spacings below it is that of the gradient.
+    #[test]
+    fn normals_at_a_wall_have_its_angle() {
+        for angle in [30.0_f64, 90.0, 150.0] {
+            let wall = WallPlace::Face(Face::YMin);
+            let angles = vec![ContactAngle { wall, angle }];
+            let (_, _, surface) = square(10, |x| x.x < 0.5, angles);
+            let normal = Vector3::new(-0.8, 0.6, 0.0);
+            let at = |y: f64| surface.at_walls(normal, &Vector3::new(0.5, y, 0.05));
+            let expected = angle.to_radians();
+            let found = at(0.0);
+            assert!((found - Vector3::new(-expected.sin(), -expected.cos(), 0.0)).norm() < 1e-12);
+            assert!((at(0.2) - normal).norm() < 1e-12);
+            assert!((at(0.1).norm() - 1.0).abs() < 1e-12);
+        }
+    }
+}
