@@ -21,7 +21,6 @@ YOUNGS_MODULUS, POISSONS_RATIO, EXPANSION = 200e9, 0.17, 11.5e-6  # Pa, 1, 1/K
 DENSITY, SPECIFIC_HEAT, TEMPERATURE = 7870.0, 472.0, 285.0  # kg/m3, J/(kg K), K
 
 
-
 def constants(stiffness: float, thermal_modulus: float) -> tuple[float, float, float]:
     """Coupling coefficient, adiabatic wave speed (m/s) and temperature change by pressure (K/Pa)."""
     coupling = thermal_modulus**2 * TEMPERATURE / (DENSITY * SPECIFIC_HEAT * stiffness)
