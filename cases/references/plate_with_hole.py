@@ -35,6 +35,10 @@ ROWS = {
 }
 
 
+# where the displacement along y is compared, m
+ABOVE = [(x, y) for y in (0.05, 0.1, 0.2) for x in (0.05, 0.1, 0.15, 0.2)]
+
+
 def infinite_plate(x: ArrayLike, a: float, b: float) -> Array:
     """Stress along y over the tension on y = 0, x >= a, around an elliptical hole in an infinite plate."""
     x = np.asarray(x, float)
@@ -139,6 +143,10 @@ class Plate:
         u, stress = LinearNDInterpolator(self.node, values)(points).T
         return u, stress
 
+    def along_y(self, points: ArrayLike) -> Array:
+        """Displacement along y (m) at points (m)."""
+        return np.asarray(LinearNDInterpolator(self.node, self.displacement[:, 1])(points))
+
     def displacement_near(self, point: tuple[float, float]) -> Array:
         """Of the node nearest to a point, m."""
         return self.displacement[np.argmin(np.hypot(*(self.node - point).T))]
@@ -167,6 +175,8 @@ def values(refinement: int = REFINEMENT) -> dict[str, float]:
         for n, x in enumerate(row):
             found[f"{case}: u at ({x:.7f}, {height}), m"] = float(u[n])
             found[f"{case}: stress along y at ({x:.7f}, {height}), Pa"] = float(stress[n])
+        for (x, y), v in zip(ABOVE, plate.along_y(ABOVE), strict=True):
+            found[f"{case}: v at ({x}, {y}), m"] = float(v)
         found[f"{case}: stress along y at the tip, Pa"] = float(plate.tip)
     found["circle: v in the middle of the loaded edge, m"] = float(plates[0.05].displacement_near((0.0, HALF))[1])
     return found

@@ -147,7 +147,7 @@ def freezing_water(time: float) -> float:
 def values() -> dict[str, float]:
     """Temperatures, degrees Celsius; times, s; fractions of water."""
     found = {}
-    for name, start, end in (("Stefan", 0.0, 900.0), ("Neumann", 2.0, 900.0)):
+    for name, start, end in (("Stefan", 0.0, 900.0), ("Neumann", 2.0, 1500.0)):
         first, second = isotherms(start)
         found[f"{name}: l of -1 degrees"] = first
         if second is not None:
@@ -158,6 +158,11 @@ def values() -> dict[str, float]:
             for mm in MILLIMETRES:
                 value = fine[mm] + (fine[mm] - coarse[mm]) / 3
                 found[f"{name}: slab, s = {mm} mm at {time} s"] = float(value)
+        for time in range(50, 1501, 50) if name == "Neumann" else ():
+            for mm in (1, 10):
+                coarse_value, fine_value = (float(np.interp(time, times, states[:, mm])) for times, states in runs)
+                history = fine_value + (fine_value - coarse_value) / 3
+                found[f"{name}: history of the slab, s = {mm} mm at {time} s"] = history
         for value in (0.0, -1.0):
             if value < start:
                 coarse_time, fine_time = (crossing(times, states[:, -1], value) for times, states in runs)

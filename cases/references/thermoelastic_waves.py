@@ -9,6 +9,8 @@ speed c = sqrt(M (1 + eps) / rho), M = E / (1 - nu^2),
 
     python3 thermoelastic_waves.py
 
+Bond-based plates have a Poisson's ratio of 1/3; a bar has free sides, M = E and beta = E alpha.
+
 Prints temperatures (K) and displacements (m) at distances from the loaded edge, the coupling coefficient and critical
 stretches of the fracture cases.
 """
@@ -18,11 +20,23 @@ from math import cos, pi, sin, sqrt
 YOUNGS_MODULUS, POISSONS_RATIO, EXPANSION = 200e9, 0.17, 11.5e-6  # Pa, 1, 1/K
 DENSITY, SPECIFIC_HEAT, TEMPERATURE = 7870.0, 472.0, 285.0  # kg/m3, J/(kg K), K
 
-STIFFNESS = YOUNGS_MODULUS / (1 - POISSONS_RATIO**2)
-THERMAL_MODULUS = YOUNGS_MODULUS * EXPANSION / (1 - POISSONS_RATIO)
-COUPLING = THERMAL_MODULUS**2 * TEMPERATURE / (DENSITY * SPECIFIC_HEAT * STIFFNESS)
-SPEED = sqrt(STIFFNESS * (1 + COUPLING) / DENSITY)
-HEATING = TEMPERATURE * THERMAL_MODULUS / (DENSITY * SPECIFIC_HEAT * STIFFNESS * (1 + COUPLING))  # K/Pa
+
+def constants(stiffness: float, thermal_modulus: float) -> tuple[float, float, float]:
+    """Coupling coefficient, adiabatic wave speed (m/s) and temperature change by pressure (K/Pa)."""
+    coupling = thermal_modulus**2 * TEMPERATURE / (DENSITY * SPECIFIC_HEAT * stiffness)
+    heating = TEMPERATURE * thermal_modulus / (DENSITY * SPECIFIC_HEAT * stiffness * (1 + coupling))
+    return coupling, sqrt(stiffness * (1 + coupling) / DENSITY), heating
+
+
+def plate(ratio: float) -> tuple[float, float, float]:
+    """The constants in plane stress without strain along the edge, for Poisson's ratio."""
+    return constants(YOUNGS_MODULUS / (1 - ratio**2), YOUNGS_MODULUS * EXPANSION / (1 - ratio))
+
+
+PLATE = plate(POISSONS_RATIO)
+COUPLING, SPEED, HEATING = PLATE
+BOND_BASED = plate(1 / 3)
+BAR = constants(YOUNGS_MODULUS, YOUNGS_MODULUS * EXPANSION)
 
 # loads: pressure (Pa) and its integral over time (Pa s)
 LOADS = {
@@ -32,11 +46,14 @@ LOADS = {
 }
 
 
-def wave(load: str, distance: float, time: float) -> tuple[float, float]:
+def wave(
+    load: str, distance: float, time: float, body: tuple[float, float, float] = PLATE
+) -> tuple[float, float]:
     """Temperature change (K) and displacement (m) at a distance from the loaded edge (m)."""
+    _, speed, heating = body
     pressure, integral = LOADS[load]
-    delay = max(time - distance / SPEED, 0.0)
-    return HEATING * pressure(delay), integral(delay) / (DENSITY * SPEED)
+    delay = max(time - distance / speed, 0.0)
+    return heating * pressure(delay), integral(delay) / (DENSITY * speed)
 
 
 def critical_stretch(youngs_modulus: float, ratio: float, energy: float, horizon: float) -> float:
@@ -68,6 +85,11 @@ def values() -> dict[str, float]:
         found[f"parabolic at {distance} mm, 8 us: T, K"], found[f"parabolic at {distance} mm, 8 us: u, m"] = wave(
             "parabolic", 1e-3 * distance, 8e-6
         )
+    for name, body in (("bond-based", BOND_BASED), ("bar", BAR)):
+        for distance in range(5, 35, 5):
+            temperature, displacement = wave("parabolic", 1e-3 * distance, 8e-6, body)
+            found[f"{name}, parabolic at {distance} mm, 8 us: T, K"] = temperature
+            found[f"{name}, parabolic at {distance} mm, 8 us: u, m"] = displacement
     for quarter in range(1, 9):
         # crests and zeros of the sine behind the front, m
         distance = quarter * SPEED * 1e-6
