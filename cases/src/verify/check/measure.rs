@@ -180,7 +180,7 @@ flattened! {
     /// The time at which a field first crosses a value.
     #[derive(Clone, Debug, PartialEq)]
     pub struct CrossingMeasure {
-        ..target: ScalarKeys,
+        ..target: FieldKeys,
         /// Reference position, m.
         pub at: [f64; 3],
         /// The value.
