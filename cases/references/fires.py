@@ -2,14 +2,15 @@
 
     python3 fires.py
 
+- `gao-8.2-moduli`: displacements of a bar under uniform stress whose modulus depends on the temperature, by quadrature.
 - `fire-steel-plate`: half of the plate in finite volumes of equal width, enthalpy as the state, integrated by LSODA. The temperature of
   the surface balances the fluxes from the gas and from the centre of the outermost volume.
 """
 
-from math import log10
+from math import log10, tanh
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/(m2 K4)
@@ -65,6 +66,17 @@ def steel_plate(cells: int) -> None:
         print(f"    heat taken up by the plate {2 * width * h.sum():.6e} J/m2")
 
 
+def bar_through_the_glass_transition() -> None:
+    """Displacements under 1 MPa at a temperature of 273 K + 2000 K/m x; Gao (2020), eq. 8.5."""
+
+    def strain(x: float) -> float:
+        return 1e6 / ((4.645 - 4.529 * tanh(0.02177 * (2000 * x - 100))) * 1e9)
+
+    for x in (0.02, 0.04, 0.06, 0.08, 0.09):
+        print(f"displacement at {x} m: {quad(strain, 0, x)[0]:.6e} m")
+
+
 if __name__ == "__main__":
+    bar_through_the_glass_transition()
     for number in (100, 200):
         steel_plate(number)
