@@ -185,6 +185,9 @@ flattened! {
         pub at: [f64; 3],
         /// The value.
         pub value: f64,
+        /// Crossings up to this time do not count, s.
+        #[serde(default)]
+        pub after: f64,
     }
 }
 

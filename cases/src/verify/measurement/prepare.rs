@@ -150,6 +150,7 @@ fn crossing(m: &CrossingMeasure, simulation: &Simulation) -> Result<Sampler, Set
         component: found.component(m.target.component.as_deref())?,
         weights: found.weights(m.at, interpolation)?,
         level: m.value,
+        after: m.after,
         last: (f64::NAN, f64::NAN),
     })
 }
