@@ -133,8 +133,8 @@ mod tests {
         let viscosity = read(text).expect("valid");
         for t in [250.0, 273.15, 333.33, 500.5, 999.9, 1000.25] {
             let error = viscosity.at(t, 0.0) / sutherland(t) - 1.0;
-            // the second derivative is below 3e-6 of the value
-            assert!(error.abs() < 3e-6 / 8.0, "{t}: {error}");
+            // the second derivative is below 6e-6 of the value
+            assert!(error.abs() < 6e-6 / 8.0, "{t}: {error}");
         }
         assert!((viscosity.at(1000.0, 0.0) - 4.152e-5).abs() < 2e-8);
         assert_eq!(viscosity.at(100.0, 0.0), viscosity.at(250.0, 0.0));
