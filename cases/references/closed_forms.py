@@ -87,6 +87,50 @@ def uniform_bodies() -> dict[str, float]:
     }
 
 
+def cells_in_gas(step: float = 0.01) -> dict[str, float]:
+    """A face of a cell of carbon/epoxy in hot gas: natural convection, black radiation, both."""
+    gas, start, density, depth = 593.0, 293.0, 1620.0, 2.5e-3
+
+    def constant(_: float) -> float:
+        return 877.756
+
+    def by_temperature(t: float) -> float:
+        return float(np.interp(t, [273, 348, 373, 573], [803.916, 1080.816, 1357.84, 1729.634]))
+
+    def convection(t: float) -> float:
+        return 1.52 * abs(gas - t) ** (1 / 3) * (gas - t)
+
+    def radiation(t: float) -> float:
+        return STEFAN_BOLTZMANN * (gas**4 - t**4)
+
+    def both(t: float) -> float:
+        return convection(t) + radiation(t)
+
+    found = {}
+    cells = {
+        "convection": (convection, constant),
+        "radiation": (radiation, constant),
+        "both": (both, constant),
+        "both, c by temperature": (both, by_temperature),
+    }
+    for name, (flux, capacity) in cells.items():
+
+        def rate(t: float, flux=flux, capacity=capacity) -> float:
+            return flux(t) / (density * capacity(t) * depth)
+
+        t = start
+        for i in range(round(500 / step)):
+            k1 = rate(t)
+            k2 = rate(t + step / 2 * k1)
+            k3 = rate(t + step / 2 * k2)
+            k4 = rate(t + step * k3)
+            t += step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            time = (i + 1) * step
+            if any(abs(time - at) < step / 2 for at in (50, 100, 500)):
+                found[f"gao-8.s3-cell-in-gas, {name}, {time:.0f} s"] = t
+    return found
+
+
 def half_space(depth: float, time: float, conductivity: float, capacity: float, coefficient: float) -> float:
     """Fraction of the difference to the surroundings that a half space under convection has lost."""
     diffusivity = conductivity / capacity
@@ -134,7 +178,18 @@ def plates(terms: int = 200) -> dict[str, float]:
             shape = (3 * x**2 - half**2) / (6 * half**2) - 2 / pi**2 * series.sum()
             drop = 1e6 * (under_jet / (capacity * half) + half / conductivity * shape)
             found[f"casting-jet at ({x}, {y})"] = 1800 - drop
-    return found
+    return found | fire_slab(terms)
+
+
+def fire_slab(terms: int) -> dict[str, float]:
+    """Insulated face of a slab whose length, properties and coefficient are 1, in degC."""
+    roots = [brentq(lambda b: b * np.sin(b) - np.cos(b), n * pi, n * pi + pi / 2) for n in range(terms)]
+
+    def insulated_face(time: float) -> float:
+        parts = (2 * np.sin(b) / (b + np.sin(b) * np.cos(b)) * np.exp(-(b**2) * 1e-3 * time) for b in roots)
+        return 1000 * float(sum(parts))
+
+    return {f"fire-slab at {time} s, degC": insulated_face(time) for time in (60, 300, 600, 900, 1200, 1500, 1800)}
 
 
 def growing_rod() -> dict[str, float]:
@@ -404,7 +459,7 @@ def metal_and_gas() -> dict[str, float]:
 def values() -> dict[str, float]:
     """All numbers by name."""
     found: dict[str, float] = {}
-    parts = (resistances, uniform_bodies, cooled_half_spaces, plates, growing_rod, square_plate, moving_sources)
+    parts = (resistances, uniform_bodies, cells_in_gas, cooled_half_spaces, plates, growing_rod, square_plate, moving_sources)
     for part in (*parts, welded_joint, bars, fluids, wetting, metal_and_gas):
         found |= part()
     for name, start, plasticity in (

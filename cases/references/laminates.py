@@ -10,6 +10,12 @@ import numpy as np
 
 GRAPHITE_EPOXY = dict(e1=181e9, e2=10.3e9, nu12=0.28, g12=7.17e9, a1=0.02e-6, a2=22.5e-6)
 
+# [Gao2020], eqs. 8.5 to 8.9, by temperature in K
+CARBON_EPOXY = {
+    348: dict(e1=123.9076e9, e2=6.8923e9, nu12=0.33, g12=3.3198e9, a1=0.6881e-6, a2=37.768e-6),
+    450: dict(e1=117.2419e9, e2=0.4223e9, nu12=0.33, g12=0.2516e9, a1=3.45e-6, a2=107.4735e-6),
+}
+
 
 def matmul(a, b):
     return (np.array(a) @ np.array(b)).tolist()
@@ -146,6 +152,9 @@ if __name__ == "__main__":
     for angles in ([0, 90], [0, 45, -45, 90]):
         print(angles, f"E_x {modulus(angles):.6e} Pa")
     print("[0, 90, 0] heated by 50 K:", " ".join(f"{x:.6e}" for x in warped([0, 90, 0], rise=50.0)[:2]))
+    for temperature, ply in CARBON_EPOXY.items():
+        strains = warped([0, 90, 0], rise=temperature - 293.0, ply=ply)[:2]
+        print(f"[0, 90, 0] of carbon/epoxy at {temperature} K:", " ".join(f"{x:.6e}" for x in strains))
     print("strip: bending, shear (m), stress at a quarter of the span, shear stress (Pa):", strip())
     for time, (outer, middle) in waves().items():
         print(f"waves at {time} s: outer", outer, "middle", middle)

@@ -2,23 +2,58 @@
 //!
 //! Operators are `+ - * / ^` and parentheses, with the usual order: `-x^2` is `-(x^2)`. `a^b^c` is refused, because programs
 //! differ in what they take it for. Numbers may have exponents (`1e-3`). Constants are `pi` or `PI`, and `e` or `E` (Euler's
-//! number). Functions are [`FUNCTIONS`]; `log` is the natural logarithm, as `ln`.
+//! number). Functions are [`FUNCTIONS`]; `log` is the natural logarithm, as `ln`, and [`fire`](crate::fire) has those of fires.
 
 use std::borrow::Cow;
 use std::fmt;
 
-use exmex::{Express, FlatEx, FloatOpsFactory, MatchLiteral, literal_matcher_from_pattern};
+use exmex::{
+    Express, FlatEx, FloatOpsFactory, MakeOperators, MatchLiteral, Operator,
+    literal_matcher_from_pattern,
+};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+
+use crate::explanation::nearest;
+use crate::fire::FIRE_CURVES;
 
 /// Variables of a formula in position and time.
 const VARIABLES: [&str; 4] = ["x", "y", "z", "t"];
 
 /// Functions of a formula.
-pub const FUNCTIONS: [&str; 29] = [
-    "abs", "signum", "sqrt", "cbrt", "exp", "ln", "log", "log2", "log10", "sin", "cos", "tan",
-    "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "floor",
-    "round", "ceil", "trunc", "fract", "min", "max",
+pub const FUNCTIONS: [&str; 32] = [
+    "abs",
+    "signum",
+    "sqrt",
+    "cbrt",
+    "exp",
+    "ln",
+    "log",
+    "log2",
+    "log10",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "atan2",
+    "sinh",
+    "cosh",
+    "tanh",
+    "asinh",
+    "acosh",
+    "atanh",
+    "floor",
+    "round",
+    "ceil",
+    "trunc",
+    "fract",
+    "min",
+    "max",
+    "fire_iso_834",
+    "fire_hydrocarbon",
+    "fire_external",
 ];
 
 literal_matcher_from_pattern!(
@@ -26,7 +61,20 @@ literal_matcher_from_pattern!(
     r"^([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
 );
 
-type Expression = FlatEx<f64, FloatOpsFactory<f64>, ScientificNumber>;
+/// The operators and functions of formulas.
+#[derive(Clone, Debug)]
+struct Functions;
+
+impl MakeOperators<f64> for Functions {
+    fn make<'a>() -> Vec<Operator<'a, f64>> {
+        let fires = FIRE_CURVES.map(|curve| Operator::make_unary(curve.name, curve.rise));
+        let mut functions = FloatOpsFactory::<f64>::make();
+        functions.extend(fires);
+        functions
+    }
+}
+
+type Expression = FlatEx<f64, Functions, ScientificNumber>;
 
 /// A formula in the position x, y, z (m) and the time t (s).
 #[derive(Clone, Debug)]
@@ -52,13 +100,17 @@ pub enum FormulaError {
     },
     /// An unknown name.
     #[error(
-        "`{name}` in the formula `{text}` is unknown; known are {known}, pi, e and the functions {}", FUNCTIONS.join(", ")
+        "`{name}` in the formula `{text}` is unknown{}; known are {known}, pi, e and the functions {}",
+        nearest.map_or(String::new(), |nearest| format!(", did you mean `{nearest}`?")),
+        FUNCTIONS.join(", ")
     )]
     Variable {
         /// The formula.
         text: String,
         /// The name.
         name: String,
+        /// The variable or function that it may be a slip of.
+        nearest: Option<&'static str>,
         /// Names of the variables.
         known: String,
     },
@@ -94,14 +146,19 @@ impl Formula {
         if has_chained_powers(text) {
             return Err(FormulaError::Powers { text: text.into() });
         }
+        let unknown = |name: &str| FormulaError::Variable {
+            text: text.into(),
+            name: name.into(),
+            nearest: nearest(name, variables.iter().copied().chain(FUNCTIONS)),
+            known: variables.join(", "),
+        };
+        if let Some(name) = unknown_function(text, variables) {
+            return Err(unknown(name));
+        }
         let parsed = Expression::parse(&with_usual_signs(text)).map_err(syntax)?;
         let place = |name: &String| {
             let known = variables.iter().chain(&["pi"]).position(|v| v == name);
-            known.ok_or_else(|| FormulaError::Variable {
-                text: text.into(),
-                name: name.clone(),
-                known: variables.join(", "),
-            })
+            known.ok_or_else(|| unknown(name))
         };
         let used = parsed
             .var_names()
@@ -175,6 +232,26 @@ fn with_usual_signs(text: &str) -> Cow<'_, str> {
         }
     }
     rewritten.into()
+}
+
+/// The first name in front of a parenthesis that is no function: the parser calls it an operand without an operator.
+fn unknown_function<'a>(text: &'a str, variables: &[&str]) -> Option<&'a str> {
+    let is_of_name = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let parts = text.split('(');
+    let before = parts.map(|part| {
+        let part = part.trim_end();
+        let name = part.trim_end_matches(is_of_name);
+        &part[name.len()..]
+    });
+    // no parenthesis follows the last part
+    let count = text.matches('(').count();
+    let named = |name: &&str| name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_');
+    let known = |name: &str| {
+        FUNCTIONS.contains(&name)
+            || variables.contains(&name)
+            || ["pi", "PI", "e", "E"].contains(&name)
+    };
+    before.take(count).filter(named).find(|name| !known(name))
 }
 
 /// Whether an exponent is followed by another one, as in `a^b^c`.
@@ -256,7 +333,7 @@ impl JsonSchema for Formula {
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         schemars::json_schema!({
             "type": ["string", "number"],
-            "description": "formula in x, y, z (m) and t (s), such as \"0.04 * sin(2 * pi * x)\"; operators + - * / ^, constants pi and e, functions abs, sqrt, exp, ln, log10, sin, cos, tan, atan2(y, x), min(a, b), max(a, b) and others"
+            "description": "formula in x, y, z (m) and t (s), such as \"0.04 * sin(2 * pi * x)\"; operators + - * / ^, constants pi and e, functions abs, sqrt, exp, ln, log10, sin, cos, tan, atan2(y, x), min(a, b), max(a, b), fire_iso_834(t) and others"
         })
     }
 }
@@ -381,6 +458,13 @@ mod tests {
     fn mistakes_are_named() {
         let unknown = Formula::new("2 * r").expect_err("r is unknown").to_string();
         assert!(unknown.contains("`r`"), "{unknown}");
+        let misspelt = Formula::new("293 + fire_iso834(t)")
+            .expect_err("iso_834")
+            .to_string();
+        assert!(
+            misspelt.contains("did you mean `fire_iso_834`?"),
+            "{misspelt}"
+        );
         let broken = Formula::new("2 * (x")
             .expect_err("it does not end")
             .to_string();

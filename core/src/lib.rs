@@ -21,6 +21,7 @@ pub mod error;
 mod explanation;
 pub mod family;
 pub mod field;
+pub mod fire;
 pub mod flattened;
 pub mod folder;
 pub mod formula;

@@ -32,6 +32,7 @@
 //! | `prescribed_displacement` | [`boundary::PrescribedDisplacement`] | | layer of displacement, or held displacement |
 //! | `clamp` | [`boundary::Clamp`] | | held displacement, until released |
 //! | `traction` | [`boundary::Traction`] | | body force |
+//! | `undex` | [`boundary::Undex`] | velocity | body force |
 //! | `gravity` | [`boundary::Gravity`] | | body force |
 //! | `symmetry` | [`boundary::Symmetry`] | | layers of temperature, displacement and velocity |
 //! | `wall` | [`boundary::Wall`] | | layers of velocity |
@@ -94,7 +95,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 42);
+        assert_eq!(couplers.len(), 43);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

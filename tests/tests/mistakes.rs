@@ -152,6 +152,8 @@ fn doubtful_numbers_are_told() {
     let doubtful = [
         ("initial.temperature = 300", "initial.temperature = 20"),
         ("ambient = 300", "ambient = 20"),
+        ("ambient = 300", "ambient = \"20 + fire_iso_834(t)\""),
+        ("ambient = 300", "ambient = \"fire_iso_834(t)\""),
         ("spacing = 0.001\n", "spacing = 0.0007\n"),
         ("max = [0.02, 0.01, 0.004]", "max = [20, 0.01, 0.004]"),
         (steel, "[materials.steel]\ndensity = 7.8"),
@@ -248,6 +250,11 @@ mistakes! {
     horizon_that_reaches_nobody: "horizon = 2\n" => "horizon = { length = 0.0005 }\n";
     temperature_below_zero: "initial.temperature = 300" => "initial.temperature = -5";
     surroundings_below_zero: "ambient = 300" => "ambient = -5";
+    fire_that_is_unknown: "ambient = 300" => "ambient = \"293 + fire_iso834(t)\"";
+    formula_of_a_property_in_the_time: "value = [50, 30]" => "value = \"50 - 0.02 * t\"";
+    formula_of_a_property_that_is_infinite: "value = [50, 30]" => "value = \"50 / (T - 300)\"";
+    water_that_cavitates_under_pressure: "[[couplers]]\ntype = \"phase_change\"" => "[[couplers]]\ntype = \"undex\"\nfaces = [\"z-\"]\nincident = 1e6\ncavitation = 1e5\n[[couplers]]\ntype = \"phase_change\"";
+    shock_wave_on_a_body_that_does_not_move: "[[couplers]]\ntype = \"phase_change\"" => "[[couplers]]\ntype = \"undex\"\nfaces = [\"z-\"]\nincident = 1e6\n[[couplers]]\ntype = \"phase_change\"";
     horizon_in_words: "horizon = 2\n" => "horizon = \"wide\"\n";
     name_that_another_has: "type = \"convection\"" => "type = \"radiation\"\nname = \"goldak\"\nambient = 300\n[[couplers]]\ntype = \"convection\"";
     name_that_is_no_text: "type = \"convection\"" => "type = \"convection\"\nname = 5";

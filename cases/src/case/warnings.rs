@@ -3,6 +3,8 @@
 
 use std::ops::Range;
 
+use perimelt_core::fire::FIRE_CURVES;
+use perimelt_core::formula::Formula;
 use perimelt_core::material::{EXPANSION_KINDS, Expansion, Material, ThermalState};
 use perimelt_core::shape::Shape;
 use perimelt_core::{Body, Simulation};
@@ -121,10 +123,14 @@ impl Case {
             let of_kind = |(kind, _): &(Option<&str>, _)| kind.is_none_or(|k| k == table.kind);
             for (_, key) in TEMPERATURES.into_iter().filter(of_kind) {
                 if let Some(value) = value_at(&table.value, key) {
+                    let at_start = temperature_at_start(value.get_ref());
+                    let mut numbers = numbers(value.get_ref());
+                    numbers.extend(at_start);
                     given.push(GivenTemperature {
                         kind: table.kind.clone(),
                         key,
-                        numbers: numbers(value.get_ref()),
+                        is_rise: at_start.is_some_and(|t| t < COLD) && is_of_fire(value.get_ref()),
+                        numbers,
                         span: value.span(),
                     });
                 }
@@ -146,6 +152,12 @@ impl Case {
         let cold = given.filter_map(|given| {
             let lowest = given.numbers.into_iter().reduce(f64::min)?;
             let (key, kind) = (given.key, given.kind);
+            if given.is_rise {
+                return Some(format!(
+                    "`{key}` of `{kind}` is {} K at the start; {RISE}",
+                    unit::number(lowest, 5)
+                ));
+            }
             (lowest < COLD && (all_melt || lowest >= 1.0)).then(|| {
                 format!(
                     "`{key}` of `{kind}` is {} K; {CELSIUS}",
@@ -299,6 +311,8 @@ struct GivenTemperature {
     key: &'static str,
     /// Temperatures, K.
     numbers: Vec<f64>,
+    /// Whether it is the rise of the temperature in a fire without the temperature before.
+    is_rise: bool,
     /// Place of the value in the file.
     span: Range<usize>,
 }
@@ -309,6 +323,23 @@ pub(super) const CELSIUS: &str = "temperatures are in kelvins (20 °C are 293.15
 pub(super) fn melts(body: &Body) -> bool {
     let solidus = |m: &Material| m.constant("solidus").is_ok_and(|t| t > COLD);
     body.materials.iter().any(solidus)
+}
+
+const RISE: &str = "the functions of fires are the rise of the temperature: add the temperature before the fire, such as \
+                    \"293.15 + fire_iso_834(t)\"";
+
+/// The temperature (K) at the start of a formula in the time.
+fn temperature_at_start(value: &DeValue<'_>) -> Option<f64> {
+    let DeValue::String(text) = value else {
+        return None;
+    };
+    let formula = Formula::new(text).ok()?;
+    formula.is_of_time().then(|| formula.at([0.0; 3], 0.0))
+}
+
+/// Whether a value is a formula with the temperature of a fire.
+fn is_of_fire(value: &DeValue<'_>) -> bool {
+    matches!(value, DeValue::String(text) if FIRE_CURVES.iter().any(|curve| text.contains(curve.name)))
 }
 
 /// All numbers of a value: of a table in time those of `value`.

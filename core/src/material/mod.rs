@@ -19,6 +19,7 @@ mod potential;
 mod property;
 mod section;
 mod table;
+mod values;
 mod vocabulary;
 
 #[cfg(test)]

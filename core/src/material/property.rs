@@ -10,15 +10,17 @@ use serde::{Deserialize, Serialize};
 
 use super::directional::Directional;
 use super::table::{Table, check_increasing};
+use super::values::Values;
 use super::vocabulary::nearest_name;
 
 /// A property of a material, constant or a function of temperature and phase.
 ///
-/// In a case file it has one of three forms:
+/// In a case file it has one of four forms:
 ///
 /// ```toml
 /// conductivity = 50
 /// conductivity = { temperature = [293.15, 1273.15], value = [50, 30] }
+/// conductivity = { temperature = [293.15, 1273.15], value = "50 - 0.02 * (T - 293.15)" }
 /// conductivity = { solid = 50, liquid = { temperature = [1700, 2500], value = [25, 35] } }
 /// ```
 #[derive(Debug, Clone, PartialEq)]
@@ -192,7 +194,7 @@ impl<'de> Visitor<'de> for PropertyVisitor {
 #[derive(Default)]
 struct Parts {
     temperature: Option<Temperatures>,
-    value: Option<Vec<f64>>,
+    value: Option<Values>,
     solid: Option<OnePhase>,
     liquid: Option<OnePhase>,
     along: Option<Property>,
@@ -217,7 +219,7 @@ impl Parts {
         }
         let same = match (self.temperature, self.value, self.solid, self.liquid) {
             (Some(temperature), Some(value), ..) => {
-                Property::Table(Table::new(temperature.0, value).map_err(E::custom)?)
+                Property::Table(value.table(temperature.0).map_err(E::custom)?)
             }
             (Some(_), ..) => return missing("value"),
             (_, Some(_), ..) => return missing("temperature"),
@@ -364,8 +366,8 @@ impl JsonSchema for Property {
                     "description": "Temperatures of the rows [K], strictly increasing"
                 },
                 "value": {
-                    "type": "array", "items": { "type": "number" }, "minItems": 1,
-                    "description": "Values of the rows"
+                    "type": ["array", "string"], "items": { "type": "number" }, "minItems": 1,
+                    "description": "Values of the rows, or a formula in the temperature T [K] between the first temperature and the last"
                 }
             },
             "required": ["temperature", "value"],

@@ -35,9 +35,13 @@ pub trait SurfaceLaw: fmt::Debug + Send + Sync {
     /// The flux through a cell face, by its place in [`Exchange::cells`], at a temperature of the surface (K).
     fn flux(&self, cell: usize, temperature: f64) -> SurfaceFlux;
 
-    /// Bound of `-slope` at all places and times while no temperature exceeds `hottest` (K), W/(m² K): stable steps depend
-    /// on it.
+    /// Bound of `-slope` at all places while no temperature exceeds `hottest` (K), W/(m² K): stable steps depend on it.
     fn stiffness(&self, hottest: f64) -> f64;
+
+    /// Temperature of the surroundings (K) that `stiffness` does not know yet: a surface may become as warm.
+    fn surroundings(&self) -> f64 {
+        0.0
+    }
 
     /// Whether the flux is linear in the temperature.
     fn is_linear(&self) -> bool {

@@ -34,7 +34,8 @@ flattened! {
         /// time t (s), such as `"exp(-((x - 0.1 * t) / 0.02)^2)"`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub factor: Option<Formula>,
-        /// Temperature of the fluid (K): a number, or `{ time = [...], value = [...] }`, times in s.
+        /// Temperature of the fluid (K): a number, `{ time = [...], value = [...] }`, times in s, or a formula in the time t (s), such
+        /// as that of a fire, `"293.15 + fire_iso_834(t)"`.
         pub ambient: InTime,
     }
 }

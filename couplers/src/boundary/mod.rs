@@ -14,8 +14,10 @@ mod insulated;
 mod prescribed_displacement;
 mod prescribed_temperature;
 mod radiation;
+mod surface_force;
 mod symmetry;
 mod traction;
+mod undex;
 mod wall;
 mod water_jet;
 
@@ -33,6 +35,7 @@ pub use prescribed_temperature::PrescribedTemperature;
 pub use radiation::Radiation;
 pub use symmetry::Symmetry;
 pub use traction::Traction;
+pub use undex::Undex;
 pub use wall::{Wall, WallKind};
 pub use water_jet::WaterJet;
 

@@ -30,8 +30,8 @@ flattened! {
         /// of the material.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub emissivity: Option<Property>,
-        /// Temperature of the surroundings (K): a number, or `{ time = [...], value = [...] }`,
-        /// times in s.
+        /// Temperature of the surroundings (K): a number, `{ time = [...], value = [...] }`, times in s, or a formula in the time
+        /// t (s), such as that of a fire, `"293.15 + fire_iso_834(t)"`.
         pub ambient: InTime,
     }
 }
@@ -53,8 +53,9 @@ struct RadiationLaw {
     material: Vec<u16>,
     /// Version of the cell faces that `material` belongs to.
     version: Option<u64>,
-    /// Present temperature of the surroundings, and the highest one at all times, K.
+    /// Present temperature of the surroundings, K.
     ambient: f64,
+    /// The highest one that is known in advance, K: that of numbers and tables.
     highest_ambient: f64,
 }
 
@@ -74,6 +75,13 @@ impl SurfaceLaw for RadiationLaw {
     fn stiffness(&self, hottest: f64) -> f64 {
         let hottest = hottest.max(self.highest_ambient);
         4.0 * self.largest_emissivity * STEFAN_BOLTZMANN * hottest.powi(3)
+    }
+
+    fn surroundings(&self) -> f64 {
+        match self.ambient > self.highest_ambient {
+            true => self.ambient,
+            false => 0.0,
+        }
     }
 }
 
@@ -178,6 +186,28 @@ mod tests {
         assert_eq!(power("ambient = 1000"), 0.0);
         assert!(power("ambient = 1200") > 0.0);
         power("ambient = 300\nemissivity = { temperature = [300, 2000], value = [0.3, 0.9] }");
+    }
+
+    /// A formula has no highest value: that so far limits the step.
+    #[test]
+    fn surroundings_that_become_hotter_are_known_when_they_are() {
+        let surroundings = |ambient: &str| {
+            let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
+            let table = format!("ambient = {ambient}");
+            let (mut boundary, exchange) = exchange(&mut world, read::<Radiation>(&table));
+            [0.0, 599.5].map(|start| {
+                apply(&world, &mut *boundary, start);
+                exchange.law().surroundings()
+            })
+        };
+        let [start, later] = surroundings("'293.15 + fire_iso_834(t)'");
+        // in the middle of the steps, at 0.5 s and 600 s
+        assert!((start - 293.15 - 345.0 * (1.0_f64 + 4.0 / 60.0).log10()).abs() < 1e-9);
+        assert!((later - 951.577).abs() < 5e-4, "{later}");
+        let table = "{ time = [0, 600], value = [300, 1000] }";
+        for known in ["300", table] {
+            assert_eq!(surroundings(known), [0.0; 2], "`stiffness` knows it");
+        }
     }
 
     #[test]

@@ -2,26 +2,26 @@
 //!
 //! By default the traction becomes a force per volume on the points of the surface, `body_force += traction
 //! area / volume`, which acts half a spacing below the surface, unless the body takes its moment about the point, too
-//! ([`LoadedFaces`]). With `by = "layer"` a layer behind a face of
+//! ([`LoadedFaces`](perimelt_core::world::LoadedFaces)). With `by = "layer"` a layer behind a face of
 //! the body's box continues the strain that belongs to the traction (Wang (2025), eqs. 4.24 to 4.28). The
 //! force then acts on the face, has the error of the bond stiffness, and needs an elastic surface. These forces have no
 //! potential, so that bodies in explicit motion refuse them.
 //!
 //! The surface is that of the reference configuration: a pressure does not turn with the body.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::family::LayerRule;
 use perimelt_core::in_space::PlacedError;
-use perimelt_core::world::activity::is_active;
-use perimelt_core::world::{LayerHandle, LoadedFaces};
+use perimelt_core::world::LayerHandle;
 use perimelt_core::{
     Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Prepared, Programme, Report, RunError,
-    RunningCoupler, Setup, SetupError, Step, StepLimits, World, Write, flattened, keys,
+    RunningCoupler, Setup, SetupError, Step, StepLimits, World, flattened, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::surface_force::{SurfaceForce, with_material};
 use super::with_programme;
 use crate::InTime;
 use crate::in_time::earlier;
@@ -79,11 +79,7 @@ struct RunningTraction {
 
 #[derive(Debug)]
 enum TractionSink {
-    Points {
-        body_force: Write<Vector3<f64>>,
-        /// `body_force_moment` of a body that takes it.
-        moment: Option<Write<Matrix3<f64>>>,
-    },
+    Points(SurfaceForce),
     Layers(Vec<(Face, LayerHandle)>),
 }
 
@@ -123,15 +119,7 @@ impl CellLoads<'_> {
 impl Traction {
     fn sink(&self, setup: &mut Setup<'_>, body: usize) -> Result<TractionSink, SetupError> {
         if self.by == By::BodyForce {
-            let is_taken = setup.facts::<LoadedFaces>(body).next().is_some();
-            let mut moment = None;
-            if is_taken {
-                moment = Some(setup.add(body, &keys::BODY_FORCE_MOMENT)?);
-            }
-            return Ok(TractionSink::Points {
-                body_force: setup.add(body, &keys::BODY_FORCE)?,
-                moment,
-            });
+            return Ok(TractionSink::Points(SurfaceForce::prepare(setup, body)?));
         }
         if setup.body(body).lattice().is_none() {
             let message = "a traction layer needs a body with one spacing";
@@ -217,33 +205,13 @@ impl Coupler for Traction {
 impl RunningCoupler for RunningTraction {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let factor = self.factor.at(step.end());
-        let points = &world.body(self.body).points;
         let loads = self.load.at(step.end());
         let loads = loads.map_err(|e| e.during("traction", step.end()))?;
         let on_cell = |(index, cell): (usize, &SurfaceCell)| {
             loads.on(index, cell.face) * (factor * cell.face_area)
         };
-        let activity = world.activity(self.body);
-        let is_there = |(_, cell): &(usize, &SurfaceCell)| {
-            let activity = activity.as_ref();
-            activity.is_none_or(|a| is_active(a[cell.point as usize]))
-        };
-        let cells = || self.cells.iter().enumerate().filter(is_there);
-        self.force = cells().map(on_cell).sum();
-        match &self.sink {
-            TractionSink::Points { body_force, moment } => {
-                let mut body_force = world.write(*body_force);
-                let mut moment = moment.map(|moment| world.write(moment));
-                for (index, cell) in cells() {
-                    let point = cell.point as usize;
-                    let force = on_cell((index, cell)) / points.volume[point];
-                    body_force[point] += force;
-                    if let Some(moment) = &mut moment {
-                        let arm = 0.5 * points.spacing[point] * cell.face.normal();
-                        moment[point] += force * arm.transpose();
-                    }
-                }
-            }
+        self.force = match &self.sink {
+            TractionSink::Points(surface) => surface.add(world, &self.cells, on_cell),
             TractionSink::Layers(layers) => {
                 for (face, layer) in layers {
                     let on_face = self.cells.iter().position(|cell| cell.face == *face);
@@ -251,8 +219,10 @@ impl RunningCoupler for RunningTraction {
                     let stress = factor * load;
                     world.set_traction_layer(*layer, stress.into());
                 }
+                let cells = with_material(world, self.body, &self.cells);
+                cells.map(on_cell).sum()
             }
-        }
+        };
         Ok(())
     }
 

@@ -273,11 +273,13 @@ impl Surface {
         }
     }
 
-    /// Bound of the temperatures of the points at the surface, K, in steps of two per cent, so that it rarely changes.
+    /// Bound of the temperatures of the points at the surface and of their surroundings, K, in steps of two per cent, so that it
+    /// rarely changes.
     pub(super) fn hottest(&self, temperature: &[f64]) -> f64 {
         const STEP: f64 = 1.02;
         let faces = self.faces.iter().map(|f| temperature[f.point as usize]);
-        let hottest = faces.fold(1.0, f64::max);
+        let around = self.exchanges.iter().map(|e| e.law().surroundings());
+        let hottest = faces.chain(around).fold(1.0, f64::max);
         STEP.powf((hottest.ln() / STEP.ln()).ceil())
     }
 

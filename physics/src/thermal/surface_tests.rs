@@ -45,7 +45,11 @@ impl SurfaceLaw for Film {
     }
 
     fn stiffness(&self, hottest: f64) -> f64 {
-        self.coefficient + 4.0 * self.emissivity * BOLTZMANN * hottest.max(self.ambient).powi(3)
+        self.coefficient + 4.0 * self.emissivity * BOLTZMANN * hottest.powi(3)
+    }
+
+    fn surroundings(&self) -> f64 {
+        self.ambient
     }
 
     fn is_linear(&self) -> bool {
@@ -183,6 +187,21 @@ fn a_steady_wall_is_that_of_its_resistances_from_any_initial_temperature() {
             }
         }
     }
+}
+
+/// A surface may become as warm as its surroundings, which limit explicit steps before it is: with k = 1 W/(m K) and 5 mm the
+/// conductance to black surroundings of 2000 K, 1814 W/(m² K) in series with 400, is above that of a bond, 200.
+#[test]
+fn hot_surroundings_limit_steps_of_a_cold_body() {
+    let longest = |ambient: f64| {
+        let law = film(0.0, 1.0, ambient);
+        let body = bar(0.1, 0.005, 1, 1.0);
+        let mut wall = Cooled::new(body, "horizon = 1", &[Face::XMax], law, None);
+        wall.start(300.0);
+        wall.physics.stable_step(&wall.world).expect("a limit")
+    };
+    let ratio = longest(2000.0) / longest(300.0);
+    assert!(ratio < 0.85, "{ratio}");
 }
 
 /// erfc by its continued fraction and series, to 1e-12 for the arguments used here.

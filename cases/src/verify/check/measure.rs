@@ -180,11 +180,14 @@ flattened! {
     /// The time at which a field first crosses a value.
     #[derive(Clone, Debug, PartialEq)]
     pub struct CrossingMeasure {
-        ..target: ScalarKeys,
+        ..target: FieldKeys,
         /// Reference position, m.
         pub at: [f64; 3],
         /// The value.
         pub value: f64,
+        /// Crossings up to this time do not count, s.
+        #[serde(default)]
+        pub after: f64,
     }
 }
 

@@ -147,9 +147,10 @@ fn crossing(m: &CrossingMeasure, simulation: &Simulation) -> Result<Sampler, Set
         None => Interpolation::Linear,
     };
     Ok(Sampler::Crossing {
-        component: found.component(None)?,
+        component: found.component(m.target.component.as_deref())?,
         weights: found.weights(m.at, interpolation)?,
         level: m.value,
+        after: m.after,
         last: (f64::NAN, f64::NAN),
     })
 }

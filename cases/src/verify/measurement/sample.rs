@@ -41,6 +41,8 @@ pub(super) enum Sampler {
         component: Component,
         weights: Weights,
         level: f64,
+        /// Time before which crossings do not count, s.
+        after: f64,
         /// time (s) and value after the previous step
         last: (f64, f64),
     },
@@ -116,12 +118,13 @@ impl Sampler {
                 component,
                 weights,
                 level,
+                after,
                 last,
             } => {
                 let value = weights.value(*component, world);
                 let (before, earlier) = std::mem::replace(last, (now, value));
                 let is_crossed = (earlier - *level) * (value - *level) <= 0.0 && earlier != value;
-                if values.is_none() && is_crossed {
+                if values.is_none() && is_crossed && now > *after {
                     let fraction = (*level - earlier) / (value - earlier);
                     *values = Some(vec![before + fraction * (now - before)]);
                 }

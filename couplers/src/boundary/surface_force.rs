@@ -1,0 +1,69 @@
+//! Force on the surface of a body, as force per volume on the points behind the faces of cells.
+
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::body::SurfaceCell;
+use perimelt_core::world::activity::is_active;
+use perimelt_core::world::{BodyIndex, LoadedFaces};
+use perimelt_core::{Setup, SetupError, World, Write, keys};
+
+/// Where the force on a surface goes.
+#[derive(Debug)]
+pub(super) struct SurfaceForce {
+    body: BodyIndex,
+    body_force: Write<Vector3<f64>>,
+    /// `body_force_moment` of a body that takes it.
+    moment: Option<Write<Matrix3<f64>>>,
+}
+
+impl SurfaceForce {
+    pub fn prepare(setup: &mut Setup<'_>, body: BodyIndex) -> Result<SurfaceForce, SetupError> {
+        let is_taken = setup.facts::<LoadedFaces>(body).next().is_some();
+        let moment = match is_taken {
+            true => Some(setup.add(body, &keys::BODY_FORCE_MOMENT)?),
+            false => None,
+        };
+        Ok(SurfaceForce {
+            body,
+            body_force: setup.add(body, &keys::BODY_FORCE)?,
+            moment,
+        })
+    }
+
+    /// Adds the force (N) on each cell with material, by its place in the list, and returns the whole force, N.
+    pub fn add(
+        &self,
+        world: &World,
+        cells: &[SurfaceCell],
+        force_on: impl Fn((usize, &SurfaceCell)) -> Vector3<f64>,
+    ) -> Vector3<f64> {
+        let points = &world.body(self.body).points;
+        let mut body_force = world.write(self.body_force);
+        let mut moment = self.moment.map(|moment| world.write(moment));
+        let mut whole = Vector3::zeros();
+        for (index, cell) in with_material(world, self.body, cells) {
+            let point = cell.point as usize;
+            let force = force_on((index, cell));
+            whole += force;
+            let density = force / points.volume[point];
+            body_force[point] += density;
+            if let Some(moment) = &mut moment {
+                let arm = 0.5 * points.spacing[point] * cell.face.normal();
+                moment[point] += density * arm.transpose();
+            }
+        }
+        whole
+    }
+}
+
+/// The cells of a surface that have material now, with their places in the list.
+pub(super) fn with_material<'a>(
+    world: &World,
+    body: BodyIndex,
+    cells: &'a [SurfaceCell],
+) -> impl Iterator<Item = (usize, &'a SurfaceCell)> {
+    let activity = world.activity(body);
+    cells.iter().enumerate().filter(move |(_, cell)| {
+        let activity = activity.as_ref();
+        activity.is_none_or(|a| is_active(a[cell.point as usize]))
+    })
+}
