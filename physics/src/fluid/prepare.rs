@@ -2,8 +2,8 @@
 
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Access, Body, Face, FamilySpec, Influence, Pddo, Setup, SetupError, SlotField, World, Write,
-    keys,
+    Access, Body, Face, FamilySpec, Influence, Pddo, Setup, SetupError, SlotField, TensionLaw,
+    World, Write, keys,
 };
 
 use crate::advection::usual_horizon;
@@ -44,24 +44,9 @@ impl FluidRun {
         let medium = prepare_medium(&mut fluid, setup, body)?;
         keys.check_viscosity(&medium.viscosity)?;
         let mut fields = FluidFields::declare(setup, body, &medium, layers)?;
-        let heat = match keys.is_incompressible() {
-            true => HeatedFluid::prepare(setup, body, varying)?,
-            false => {
-                if is_heated(setup, body, varying.as_ref())? && varying.is_some() {
-                    fields.interface_temperature = Some(setup.read(body, &keys::TEMPERATURE)?);
-                }
-                None
-            }
-        };
-        if heat.is_some() {
-            fields.heat = Some(FluidHeat::declare(setup, body)?);
-        }
+        let heat = fields.declare_heat(setup, body, keys.is_incompressible(), varying)?;
         if let Some(pair) = &pair {
-            fields.fraction = Some(declare_fraction(setup, body, &pair.pair)?);
-        }
-        if pair.is_some() && keys.is_incompressible() {
-            let key = &keys::INTERFACE_PRESSURE;
-            fields.interface_pressure = setup.consume_if_added(body, key)?;
+            fields.declare_interface(setup, body, keys.is_incompressible(), &pair.pair)?;
         }
         let (has_faces, has_interface) = (!faces.is_empty(), pair.is_some());
         let spec = family_spec(&fluid, &keys, setup.body(body), faces);
@@ -169,6 +154,43 @@ impl FluidFields {
                 false => None,
             },
         })
+    }
+
+    /// Declares what is needed where `thermal` computes the temperature, on which the `tension` between two fluids may depend.
+    fn declare_heat(
+        &mut self,
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+        is_incompressible: bool,
+        tension: Option<TensionLaw>,
+    ) -> Result<Option<HeatedFluid>, SetupError> {
+        if is_incompressible {
+            let heat = HeatedFluid::prepare(setup, body, tension)?;
+            if heat.is_some() {
+                self.heat = Some(FluidHeat::declare(setup, body)?);
+            }
+            return Ok(heat);
+        }
+        if is_heated(setup, body, tension.as_ref())? && tension.is_some() {
+            self.interface_temperature = Some(setup.read(body, &keys::TEMPERATURE)?);
+        }
+        Ok(None)
+    }
+
+    /// Declares the fields of two fluids.
+    fn declare_interface(
+        &mut self,
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+        is_incompressible: bool,
+        pair: &FluidPair,
+    ) -> Result<(), SetupError> {
+        self.fraction = Some(declare_fraction(setup, body, pair)?);
+        if is_incompressible {
+            let key = &keys::INTERFACE_PRESSURE;
+            self.interface_pressure = setup.consume_if_added(body, key)?;
+        }
+        Ok(())
     }
 }
 
