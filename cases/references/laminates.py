@@ -145,6 +145,31 @@ def waves(times=(4e-6, 8e-6), cells=2000):
     return found
 
 
+def sliding(angle=20.0, end=8e-4, energy=7110.0, modulus=1.308e9, distance=1e-3, horizon=3.0):
+    """Mean force per area along x and y (Pa) while two rigid plies slide by `end` (m), by the bonds of a lattice: each breaks at the
+    same angle. Also the part of the energy that bonds across a row of points have, which do not break when plies slide along it."""
+    reach = int(horizon)
+    bonds = []
+    for i in range(-reach, reach + 1):
+        for j in range(-reach, reach + 1):
+            length = math.hypot(i, j)
+            if 0 < length <= horizon:
+                bonds.append((i / length, j / length, length * min(1.0, horizon + 0.5 - length)))
+    scale = 2 * modulus / sum(m * x * x for x, _, m in bonds)
+    whole = scale * sum(m for *_, m in bonds)
+    limit = math.sqrt(4 * energy / (distance * whole))
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    force = [0.0, 0.0]
+    for x, y, m in bonds:
+        along = x * c + y * s
+        if limit * distance < abs(along) * end:
+            # the mean of a force that grows with the way until the bond breaks
+            mean = scale * m * limit**2 * distance / (4 * abs(along) * end)
+            force = [force[0] + mean * x * math.copysign(1, along), force[1] + mean * y * math.copysign(1, along)]
+    across = scale * sum(m for x, _, m in bonds if x == 0) / whole
+    return force, across
+
+
 if __name__ == "__main__":
     for angles in ([0, 90], [45, -45], [0, 45, -45, 90], [0, 90, 90, 0], [45, -45, -45, 45]):
         print(angles, "cooled by 100 K:", " ".join(f"{x:.6e}" for x in warped(angles)))
@@ -158,3 +183,5 @@ if __name__ == "__main__":
     print("strip: bending, shear (m), stress at a quarter of the span, shear stress (Pa):", strip())
     for time, (outer, middle) in waves().items():
         print(f"waves at {time} s: outer", outer, "middle", middle)
+    (along, across), rest = sliding()
+    print(f"sliding: {6.4e-5 * along:.6e} N, {6.4e-5 * across:.6e} N on 8 x 8 mm; part of bonds across a row {rest:.4f}")
