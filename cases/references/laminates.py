@@ -145,6 +145,89 @@ def waves(times=(4e-6, 8e-6), cells=2000):
     return found
 
 
+def sliding(angle=20.0, end=8e-4, energy=7110.0, modulus=1.308e9, distance=1e-3, horizon=3.0):
+    """Mean force per area along x and y (Pa) while two rigid plies slide by `end` (m), by the bonds of a lattice: each breaks at the
+    same angle. Also the part of the energy that bonds across a row of points have, which do not break when plies slide along it."""
+    reach = int(horizon)
+    bonds = []
+    for i in range(-reach, reach + 1):
+        for j in range(-reach, reach + 1):
+            length = math.hypot(i, j)
+            if 0 < length <= horizon:
+                bonds.append((i / length, j / length, length * min(1.0, horizon + 0.5 - length)))
+    scale = 2 * modulus / sum(m * x * x for x, _, m in bonds)
+    whole = scale * sum(m for *_, m in bonds)
+    limit = math.sqrt(4 * energy / (distance * whole))
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    force = [0.0, 0.0]
+    for x, y, m in bonds:
+        along = x * c + y * s
+        if limit * distance < abs(along) * end:
+            # the mean of a force that grows with the way until the bond breaks
+            mean = scale * m * limit**2 * distance / (4 * abs(along) * end)
+            force = [force[0] + mean * x * math.copysign(1, along), force[1] + mean * y * math.copysign(1, along)]
+    across = scale * sum(m for x, _, m in bonds if x == 0) / whole
+    return force, across
+
+
+def heated_from_above(times=(10.0, 30.0, 50.0), flux=5000.0, k=0.2, h=1e-3, capacity=1620 * 1092.728):
+    """Rise of the temperature of three plies, one station each, with a heat flux into the highest one, K: the exact solution of the three equations."""
+    matrix = k / (capacity * h * h) * np.array([[-1.0, 1, 0], [1, -2, 1], [0, 1, -1]])
+    values, vectors = np.linalg.eigh(matrix)
+    source = vectors.T @ np.array([0, 0, flux / (capacity * h)])
+    rises = {}
+    for time in times:
+        growth = [time if abs(v) < 1e-12 else (math.exp(v * time) - 1) / v for v in values]
+        rises[time] = (vectors @ (np.array(growth) * source)).tolist()
+    return rises
+
+
+def heated_edge(times=(50.0, 100.0, 300.0), cells=50, step=0.25):
+    """Temperature of three plies [0/90/0] of 100 x 100 x 1 mm, one station each, whose edge at x = -50 mm has (y + 100 z) t, at seven points (x, y) of
+    each ply, K: cells of the plane, Crank-Nicolson by alternating directions (Douglas)."""
+    capacity, h, width = 1620 * 1092.728, 1e-3, 0.1
+    d = width / cells
+    along, across = 8.3075 / (capacity * d * d), 0.7575 / (capacity * d * d)
+    through = 0.2 / (capacity * h * h)
+    kx, ky = np.array([along, across, along]), np.array([across, along, across])
+    centre = (np.arange(cells) + 0.5) * d - 0.5 * width
+    second = np.diag(np.full(cells - 1, 1.0), 1) + np.diag(np.full(cells - 1, 1.0), -1) - 2 * np.eye(cells)
+    second[0, 0] = second[-1, -1] = -1
+    held = second.copy()
+    held[0, 0] = -3  # half a cell from the edge
+    plies = np.array([[-1.0, 1, 0], [1, -2, 1], [0, 1, -1]]) * through
+    edge = np.zeros((3, cells, cells))
+    for ply in range(3):
+        edge[ply, 0, :] = 2 * kx[ply] * (centre + 100 * ply * 1e-3)
+    one = np.eye(cells)
+    solve_x = [np.linalg.inv(one - 0.5 * step * kx[p] * held) for p in range(3)]
+    solve_y = [np.linalg.inv(one - 0.5 * step * ky[p] * second) for p in range(3)]
+    solve_z = np.linalg.inv(np.eye(3) - 0.5 * step * plies)
+
+    def operators(t):
+        x = np.stack([kx[p] * held @ t[p] for p in range(3)])
+        y = np.stack([ky[p] * t[p] @ second for p in range(3)])
+        return x, y, np.einsum("pq,qij->pij", plies, t)
+
+    places = [(-40, 40), (-40, -40), (-40, 0), (-25, 40), (0, 40), (0, -40), (0, 0)]
+    t, time, found = np.zeros((3, cells, cells)), 0.0, {}
+    while time < max(times) - 1e-9:
+        x, y, z = operators(t)
+        now = t + step * (x + y + z + edge * (time + 0.5 * step))
+        now = np.stack([solve_x[p] @ (now[p] - 0.5 * step * x[p]) for p in range(3)])
+        now = np.stack([(now[p] - 0.5 * step * y[p]) @ solve_y[p] for p in range(3)])
+        t = np.einsum("pq,qij->pij", solve_z, now - 0.5 * step * z)
+        time += step
+        if any(abs(time - at) < 1e-9 for at in times):
+            def at(ply, x, y):
+                i, j = ((v * 1e-3 + 0.5 * width) / d - 0.5 for v in (x, y))
+                (a, b), (u, w) = (int(i), int(j)), (i % 1, j % 1)
+                field = t[ply]
+                return sum(f * g * field[a + m, b + n] for m, f in ((0, 1 - u), (1, u)) for n, g in ((0, 1 - w), (1, w)))
+            found[round(time)] = [[at(ply, *place) for place in places] for ply in range(3)]
+    return found
+
+
 if __name__ == "__main__":
     for angles in ([0, 90], [45, -45], [0, 45, -45, 90], [0, 90, 90, 0], [45, -45, -45, 45]):
         print(angles, "cooled by 100 K:", " ".join(f"{x:.6e}" for x in warped(angles)))
@@ -158,3 +241,9 @@ if __name__ == "__main__":
     print("strip: bending, shear (m), stress at a quarter of the span, shear stress (Pa):", strip())
     for time, (outer, middle) in waves().items():
         print(f"waves at {time} s: outer", outer, "middle", middle)
+    (along, across), rest = sliding()
+    print(f"sliding: {6.4e-5 * along:.6e} N, {6.4e-5 * across:.6e} N on 8 x 8 mm; part of bonds across a row {rest:.4f}")
+    print("heated from above:", heated_from_above())
+    for time, plies in heated_edge(cells=100).items():
+        for ply in plies:
+            print(f"heated edge at {time} s:", " ".join(f"{t:.3f}" for t in ply))

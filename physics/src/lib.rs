@@ -22,6 +22,7 @@ pub mod mechanical;
 pub mod melt_flow;
 pub mod metallurgy;
 mod momentum;
+mod plies;
 pub mod replay;
 pub mod rigid_body;
 mod shape_tensor;

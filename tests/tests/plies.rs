@@ -130,23 +130,106 @@ fn what_plies_do_not_support() {
             "formulation = \"ordinary\"\nlaw.lamina = {}"
         ),
         ("law.lamina = {}", "law.lamina = {}\nflow.j2 = {}"),
-        ("law.lamina = {}", "law.lamina = {}\nfracture = {}"),
         ("layup = { angles = [0, 90] }\n", ""),
-        (
-            "[[couplers]]\n",
-            "[[physics]]\ntype = \"thermal\"\n[[couplers]]\n"
-        ),
         (
             "[[couplers]]\n",
             "[[couplers]]\ntype = \"deformation_heat\"\n[[couplers]]\n"
         ),
         (
             "[[couplers]]\n",
-            "[[couplers]]\ntype = \"insulated_crack\"\nfrom = [0, 0.005]\nto = [0.005, 0.005]\n[[couplers]]\n"
+            "[[couplers]]\ntype = \"insulated_crack\"\ncorner = [0, 0.005, 0]\nedges = [[0.005, 0, 0], [0, 0, 0.001]]\n[[couplers]]\n"
         ),
         (
             "[[couplers]]\n",
             "[[couplers]]\ntype = \"prescribed_displacement\"\nface = \"x-\"\nx = 0\n[[couplers]]\n"
         ),
     ]));
+}
+
+#[test]
+fn strengths_of_plies() {
+    const BREAKS: &str = "law.lamina = {}\nfracture = {}";
+    const STRONG: &str = "density = 1620\nfracture_energy = 2370\nshear_fracture_energy = 7110";
+    let brittle = PLATE.replace("law.lamina = {}", BREAKS);
+    let strong = brittle.replace("density = 1620", STRONG);
+    check(strong.clone()).unwrap_or_else(|e| panic!("{e:?}"));
+    let mut told = Vec::new();
+    for (case, right, wrong) in [
+        (&brittle, "fracture = {}", "fracture = {}"),
+        (
+            &strong,
+            "shear_fracture_energy = 7110",
+            "shear_fracture_energy = 0",
+        ),
+        (
+            &strong,
+            "\nfracture_energy = 2370",
+            "\nfracture_energy = { temperature = [300, 400], value = [2370, 2000] }",
+        ),
+        (
+            &strong,
+            "fracture = {}",
+            "fracture = { criterion = \"energy\" }",
+        ),
+        (
+            &strong,
+            "fracture = {}",
+            "fracture = { interface = { between = [\"ply\", \"ply\"], fracture_energy = 10 } }",
+        ),
+        (
+            &strong,
+            "fracture = {}",
+            "fracture = { no_fail = [\"ends\"] }",
+        ),
+        (
+            &strong,
+            "fracture = {}",
+            "fracture = { mode = \"sliding\" }",
+        ),
+    ] {
+        assert_eq!(case.matches(right).count(), 1, "`{right}` is there once");
+        match check(case.replace(right, wrong)) {
+            Err(Failure::Case(mistake)) => told.push(mistake.render(false)),
+            other => panic!("{wrong}: {other:?}"),
+        }
+    }
+    insta::assert_snapshot!(told.join("\n\n"));
+}
+
+#[test]
+fn heat_of_plies() {
+    const CONDUCTS: &str =
+        "density = 1620\nspecific_heat = 1093\nconductivity = { axes = [8.3, 0.76, 0.2] }";
+    let heated = PLATE.replace("density = 1620", CONDUCTS);
+    let heated = heated.replace(
+        "material = \"ply\"\n",
+        "material = \"ply\"\ninitial.temperature = 300\n",
+    );
+    let heated = heated.replace(
+        "[[couplers]]\n",
+        "[[physics]]\ntype = \"thermal\"\nhorizon = 3\n\n[[couplers]]\n",
+    );
+    let heated = heated.replace("temperature = \"300 + 10 * x * t\"\n", "");
+    check(heated.clone()).unwrap_or_else(|e| panic!("{e:?}"));
+    let mut told = Vec::new();
+    for (right, wrong) in [
+        ("horizon = 3", "form = \"ordinary\""),
+        ("horizon = 3", "surfaces = \"mirrored\""),
+        (
+            "conductivity = { axes = [8.3, 0.76, 0.2] }",
+            "conductivity = { temperature = [300, 400], value = [1, 2] }",
+        ),
+        ("spacing = 0.001\n", "spacing = 0.001\nperiodic = [\"x\"]\n"),
+        (
+            "[[couplers]]\n",
+            "[[couplers]]\ntype = \"convection\"\nfaces = [\"z+\"]\ncoefficient = 10\nambient = 300\n\n[[couplers]]\n",
+        ),
+    ] {
+        assert_eq!(heated.matches(right).count(), 1, "`{right}` is there once");
+        match check(heated.replace(right, wrong)) {
+            Err(Failure::Case(mistake)) => told.push(mistake.render(false)),
+            other => panic!("{wrong}: {other:?}"),
+        }
+    }
+    insta::assert_snapshot!(told.join("\n\n"));
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::body::Face;
+use crate::body::{Body, Discretisation, Face};
 
 /// A flat cut through a body: every bond whose reference segment crosses it is removed, from
 /// all families of the body. Neither heat nor force passes a cut.
@@ -129,10 +129,19 @@ impl Cut {
     }
 }
 
+impl Body {
+    /// Adds a crack; it passes through all layers of a laminate.
+    pub fn sever(&mut self, cut: Cut) {
+        if let Discretisation::Layers(layers) = &mut self.discretisation {
+            layers.plane_mut().cuts.push(cut.clone());
+        }
+        self.cuts.push(cut);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::Body;
     use crate::family::{Bond, BondKernel, Family, FamilySpec, Mirrored, SlotField};
     use crate::shape::{BoxShape, Shape};
 

@@ -16,6 +16,27 @@ pub struct BrokenBonds {
 }
 
 impl BrokenBonds {
+    /// None of `bonds` bonds of each of `points` points.
+    #[must_use]
+    pub fn none(points: usize, bonds: usize) -> Self {
+        let stride = bonds.div_ceil(64);
+        BrokenBonds {
+            stride,
+            words: vec![0; points * stride],
+            count: vec![0; points],
+        }
+    }
+
+    /// None of the same bonds.
+    #[must_use]
+    pub fn unbroken(&self) -> Self {
+        BrokenBonds {
+            stride: self.stride,
+            words: vec![0; self.words.len()],
+            count: vec![0; self.count.len()],
+        }
+    }
+
     /// Number of broken bonds of a point.
     pub fn of(&self, point: usize) -> usize {
         self.count[point] as usize
@@ -87,13 +108,7 @@ impl Family {
         let rows = self.store.rows().map_or(&[][..], |rows| &rows.start);
         let longest = rows.windows(2).map(|s| s[1] - s[0]).max();
         // blocks count as the stencil does
-        let most = stencil.or(longest).unwrap_or(0);
-        let stride = most.div_ceil(64);
-        BrokenBonds {
-            stride,
-            words: vec![0; self.points * stride],
-            count: vec![0; self.points],
-        }
+        BrokenBonds::none(self.points, stencil.or(longest).unwrap_or(0))
     }
 
     /// Breaks the bonds that `points` have with each other and with each other's images; `point_in`

@@ -39,6 +39,7 @@ mod layer;
 mod moving;
 #[cfg(test)]
 mod moving_tests;
+mod of_bonds;
 mod operator;
 #[cfg(test)]
 mod part_tests;
@@ -55,6 +56,7 @@ pub use ghost_rule::{
 pub use influence::Influence;
 pub use kernel::{AxisPlane, Bond, BondKernel, InstructionSet, limit_instructions};
 pub use layer::{Continuation, Image, LayerRule, Layout, Traction};
+pub use of_bonds::PointBond;
 pub use operator::Operator;
 pub use slot_field::{PointValues, SlotField};
 pub use spec::{Correction, FamilyError, FamilySpec, PartialVolume};

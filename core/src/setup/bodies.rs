@@ -90,6 +90,6 @@ impl Setup<'_> {
     /// Cuts a body: no family obtained from now on has bonds across `cut`. Called by crack
     /// couplers, which are prepared before all physics.
     pub fn cut(&mut self, body: BodyIndex, cut: Cut) {
-        self.world.bodies[body].cuts.push(cut);
+        self.world.bodies[body].sever(cut);
     }
 }

@@ -23,6 +23,19 @@ impl Setup<'_> {
         family.map_err(|e| self.family_error(body, e))
     }
 
+    /// Takes a family of a body whose points stay, which the calling plugin made for itself.
+    ///
+    /// # Errors
+    /// When something happens to the points that the plugin does not support.
+    pub fn take_family(
+        &mut self,
+        body: BodyIndex,
+        family: Family,
+    ) -> Result<FamilyHandle, SetupError> {
+        self.check_support(body)?;
+        Ok(self.world.take_family(body, self.current, family))
+    }
+
     /// A family for the calling plugin alone, of the points that have material at set-up. The plugin takes up changes of
     /// the activity itself ([`Family::set_active`]), when it has compared the state before and after.
     ///
@@ -53,9 +66,10 @@ impl Setup<'_> {
         SetupError::new(key, error)
     }
 
-    /// The families of points that stay.
+    /// The families of points that stay; those of layers do not follow from their request.
     pub(super) fn requests(&self) -> Vec<FamilyRequest> {
         let families = self.world.families.iter();
+        let families = families.filter(|f| self.body(f.body).layers().is_none());
         let at_rest = families
             .filter(|f| !(self.world.is_growing(f.body) || self.world.moves_freely(f.body)));
         let request = |family: &WorldFamily| FamilyRequest {

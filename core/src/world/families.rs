@@ -116,6 +116,22 @@ impl World {
         Ok(FamilyHandle(self.families.len() - 1))
     }
 
+    /// Takes a family of a body whose points stay.
+    pub(crate) fn take_family(
+        &mut self,
+        body: BodyIndex,
+        plugin: usize,
+        family: Family,
+    ) -> FamilyHandle {
+        self.families.push(WorldFamily {
+            body,
+            plugin,
+            spec: family.spec().clone(),
+            store: Store::AtRest(Arc::new(family)),
+        });
+        FamilyHandle(self.families.len() - 1)
+    }
+
     /// A family of the points of a growing body that have material now.
     pub(crate) fn build_growing(
         &self,

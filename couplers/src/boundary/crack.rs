@@ -115,6 +115,17 @@ impl Coupler for InsulatedCrack {
         let body = setup.find_body(self.body.as_deref())?;
         let (cuts, key) = self.cuts()?;
         let this = setup.body(body);
+        if let (Some(_), "edges" | "disc") = (this.layers(), key) {
+            let message = format!(
+                "body `{}` has a `layup`, whose cracks pass through all plies",
+                this.name
+            );
+            return Err(SetupError::value(
+                key,
+                message,
+                "`from` and `to`, or `through`",
+            ));
+        }
         // a crack in a hole of the body cuts the bonds across the hole
         let (min, max) = this.bounds();
         let (dimension, box_of_body) = (this.dimension, [min, max]);
@@ -136,7 +147,7 @@ impl Coupler for InsulatedCrack {
     }
 }
 
-perimelt_core::register_coupler!("insulated_crack", InsulatedCrack);
+perimelt_core::register_coupler!("insulated_crack", InsulatedCrack, supports: [Layers]);
 
 #[cfg(test)]
 mod tests {

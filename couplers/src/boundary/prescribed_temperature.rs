@@ -170,7 +170,7 @@ impl RunningCoupler for RunningPrescribedTemperature {
     }
 }
 
-perimelt_core::register_coupler!("prescribed_temperature", PrescribedTemperature, supports: [Motion, Flow, Births, Cuts]);
+perimelt_core::register_coupler!("prescribed_temperature", PrescribedTemperature, supports: [Motion, Flow, Births, Cuts, Layers]);
 
 #[cfg(test)]
 mod tests {

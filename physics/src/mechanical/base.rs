@@ -115,6 +115,7 @@ impl SolidBase {
             plasticity,
             fracture,
             in_motion,
+            ..
         } = constitution;
         SolidBase {
             nodes: Nodes::Points,

@@ -60,7 +60,7 @@ fn damaged(
         });
     }
     let state = FractureState {
-        broken,
+        broken: vec![broken],
         ..FractureState::intact(solid.base().family(), position.len())
     };
     solid.replace_fracture_state(state).expect("it breaks");
@@ -290,7 +290,7 @@ fn bonds_exceed_their_limit_by_their_thermoelastic_stretch() {
                 for (point, excess) in fracture.excess.iter().enumerate() {
                     let mut bonds = 0;
                     solid.base().family().for_each_bond(point, |number, _, _| {
-                        let whole = !fracture.state.broken.is_broken(point, number);
+                        let whole = !fracture.broken().is_broken(point, number);
                         bonds += usize::from(whole);
                     });
                     let expected = beyond * bonds as f64;

@@ -55,6 +55,8 @@ pub(super) struct Hold {
 #[derive(Debug)]
 pub(super) struct Damage {
     pub(super) field: Write<f64>,
+    /// `damage.<mode>`, of a solid whose bonds break in several ways.
+    pub(super) modes: Vec<Write<f64>>,
     pub(super) breaker: BondBreaker,
 }
 
@@ -192,6 +194,8 @@ pub(super) struct Features<'a> {
     /// The law of elasticity, if it is one of points.
     pub(super) law: Option<LawState<'a>>,
     pub(super) breaks: bool,
+    /// Names of the ways in which bonds break, if there are several.
+    pub(super) modes: &'a [&'static str],
 }
 
 /// Whether couplers give a body an eigenstrain that differs by direction.
@@ -224,6 +228,7 @@ impl Fields {
             flow,
             law,
             breaks,
+            modes,
         } = features;
         let hold = match setup.consume_if_added(body, &keys::CONSTRAINT)? {
             Some(constraint) => Some(Hold {
@@ -258,6 +263,12 @@ impl Fields {
             damage: match breaks {
                 true => Some(Damage {
                     field: setup.own(body, &keys::DAMAGE)?,
+                    modes: modes
+                        .iter()
+                        .map(|mode| {
+                            setup.own(body, &Key::named(format!("damage.{mode}"), "1".into()))
+                        })
+                        .collect::<Result<_, _>>()?,
                     breaker: setup.break_bonds(body, false)?,
                 }),
                 false => None,

@@ -26,6 +26,7 @@ use perimelt_core::{Body, Bond, Family, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::exceeding::{Exceeding, broken_pairs};
 use super::interfaces::{Crossings, Interfaces, Limit, OneOrMany};
 use super::moduli::Moduli;
 use super::stretch::TotalWeight;
@@ -47,6 +48,26 @@ pub struct FractureSection {
     /// starts. By default, the bonds under the largest loads break and equilibrium is found again, until none is beyond
     /// its limit. Not for the explicit solver.
     pub once: bool,
+}
+
+impl FractureSection {
+    /// By point, whether its bonds never break.
+    ///
+    /// # Errors
+    /// An unknown region.
+    pub(super) fn unbreakable(
+        &self,
+        setup: &Setup<'_>,
+        body: usize,
+    ) -> Result<Vec<bool>, SetupError> {
+        let mut unbreakable = vec![false; setup.body(body).points.len()];
+        for name in &self.no_fail {
+            for &point in &setup.region(body, "fracture.no_fail", name)?.points {
+                unbreakable[point as usize] = true;
+            }
+        }
+        Ok(unbreakable)
+    }
 }
 
 /// Criterion by which a bond breaks.
@@ -88,8 +109,8 @@ pub struct Fracture {
 /// Broken bonds of a body, and the stress that they carried.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct FractureState {
-    /// Bonds that broke.
-    pub broken: BrokenBonds,
+    /// Bonds that broke, of each set of bonds that has its own: one, or the sets of a laminate.
+    pub broken: Vec<BrokenBonds>,
     /// The stress conjugate to the eigenstrain that bonds of each point carried when they broke, Pa. It remains
     /// part of the `conjugate_stress`: a change of that field heats the body, and a break is not an unloading.
     pub frozen: Vec<f64>,
@@ -116,9 +137,31 @@ impl FractureState {
     /// No broken bonds.
     pub fn intact(family: &Family, points: usize) -> Self {
         FractureState {
-            broken: family.unbroken(),
+            broken: vec![family.unbroken()],
             frozen: vec![0.0; points],
         }
+    }
+
+    /// The state before any bond broke.
+    #[must_use]
+    pub fn before_breaks(&self) -> Self {
+        FractureState {
+            broken: self.broken.iter().map(BrokenBonds::unbroken).collect(),
+            frozen: vec![0.0; self.frozen.len()],
+        }
+    }
+
+    /// Number of broken bonds.
+    pub fn count(&self) -> f64 {
+        0.5 * self.broken.iter().map(BrokenBonds::total).sum::<usize>() as f64
+    }
+
+    /// Whether `other` is a state of a body with the same bonds.
+    #[must_use]
+    pub fn is_of_same_bonds(&self, other: &FractureState) -> bool {
+        let mut sets = self.broken.iter().zip(&other.broken);
+        self.broken.len() == other.broken.len()
+            && sets.all(|(own, other)| own.is_of_same_family(other))
     }
 }
 
@@ -188,12 +231,7 @@ impl Fracture {
         });
         let strength = strength.collect::<Result<Vec<_>, _>>()?;
         let points = this.points.len();
-        let mut unbreakable = vec![false; points];
-        for name in &section.no_fail {
-            for &point in &setup.region(body, "fracture.no_fail", name)?.points {
-                unbreakable[point as usize] = true;
-            }
-        }
+        let unbreakable = section.unbreakable(setup, body)?;
         let mut weight = vec![[0.0]; points];
         family.sum(&TotalWeight, [], &mut weight);
         let spec = family.spec();
@@ -224,7 +262,7 @@ impl Fracture {
 
     /// Bonds that broke.
     pub fn broken(&self) -> &BrokenBonds {
-        &self.state.broken
+        &self.state.broken[0]
     }
 
     /// Whether strengths are the same at all temperatures.
@@ -307,7 +345,7 @@ impl Fracture {
         if self.crossings.is_empty() {
             return;
         }
-        let broken = &self.state.broken;
+        let broken = &self.state.broken[0];
         let is_broken = |point: usize, bond: usize| broken.is_broken(point, bond);
         self.crossings
             .add_excess(family, is_broken, ratio, &mut self.excess);
@@ -335,76 +373,31 @@ impl Fracture {
         loads: BondLoads<impl Fn(&Bond, usize, usize) -> f64, impl Fn(usize, &Bond, usize) -> f64>,
     ) -> NewBreaks {
         let BondLoads { ratio, conjugate } = loads;
+        let points = self.excess.iter().enumerate();
+        let points = points.filter(|(_, e)| **e > 0.0).map(|(point, _)| point);
+        let ratio = |point: usize, number: usize, bond: &Bond, slot: usize| {
+            self.crossings.factor(point, number) * ratio(bond, family.slot_of(point), slot)
+        };
         let mut exceeding = Vec::new();
-        let points = self.excess.iter().enumerate().filter(|(_, e)| **e > 0.0);
-        for (point, _) in points {
-            let here = family.slot_of(point);
-            family.for_each_bond(point, |bond, geometry, other| {
-                if !self.state.broken.is_broken(point, bond) {
-                    let factor = self.crossings.factor(point, bond);
-                    let ratio = factor * ratio(geometry, here, other);
-                    if ratio >= 1.0 {
-                        exceeding.push((ratio, point, other));
-                    }
-                }
-            });
-        }
-        let largest = exceeding.iter().map(|e| e.0).fold(0.0, f64::max);
-        exceeding.retain(|e| e.0 >= fraction * largest);
-        let mut pairs = Vec::new();
-        for &(_, point, slot) in &exceeding {
-            let pair = family.point_in(slot).map(|other| [point, other]);
-            let mut is_new = self.break_bond(family, point, slot, damage, &conjugate);
-            if let Some([_, other]) = pair {
-                // by rounding, only one end may have exceeded the limit
-                is_new |= self.break_bond(family, other, family.slot_of(point), damage, &conjugate);
-                if is_new {
-                    pairs.push([point.min(other) as u32, point.max(other) as u32]);
-                }
-            }
-        }
+        Exceeding::find((0, family, self.broken()), points, ratio, &mut exceeding);
+        Exceeding::keep_largest(&mut exceeding, fraction);
+        let FractureState { broken, frozen } = &mut self.state;
+        let weight = &self.weight;
+        let mut lose = |point: usize, bond: &Bond, slot: usize| {
+            damage[point] = (damage[point] + bond.weight / weight[point]).min(1.0);
+            frozen[point] += conjugate(point, bond, slot);
+        };
+        let pairs = exceeding.iter();
+        let pairs = pairs.filter_map(|e| e.break_bond(family, &mut broken[0], &mut lose));
         NewBreaks {
-            pairs,
+            pairs: pairs.collect(),
             any: !exceeding.is_empty(),
         }
     }
 
-    /// Breaks the bond of a point with a slot; whether it was intact.
-    fn break_bond(
-        &mut self,
-        family: &Family,
-        point: usize,
-        slot: usize,
-        damage: &mut [f64],
-        conjugate: impl Fn(usize, &Bond, usize) -> f64,
-    ) -> bool {
-        let FractureState { broken, frozen } = &mut self.state;
-        let total = self.weight[point];
-        let mut was_intact = false;
-        family.for_each_bond(point, |bond, geometry, other| {
-            if other == slot && !broken.is_broken(point, bond) {
-                broken.break_bond(point, bond);
-                damage[point] = (damage[point] + geometry.weight / total).min(1.0);
-                frozen[point] += conjugate(point, geometry, other);
-                was_intact = true;
-            }
-        });
-        was_intact
-    }
-
     /// All pairs of points that lost their bond.
     pub fn broken_pairs(&self, family: &Family) -> Vec<[u32; 2]> {
-        let mut pairs = Vec::new();
-        for point in (0..self.weight.len()).filter(|p| self.state.broken.of(*p) > 0) {
-            family.for_each_bond(point, |bond, _, other| {
-                if self.state.broken.is_broken(point, bond)
-                    && let Some(other) = family.point_in(other)
-                    && other > point
-                {
-                    pairs.push([point as u32, other as u32]);
-                }
-            });
-        }
-        pairs
+        let pairs = broken_pairs(family, self.broken());
+        pairs.map(|pair| pair.map(|point| point as u32)).collect()
     }
 }

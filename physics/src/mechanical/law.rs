@@ -420,16 +420,12 @@ impl ChosenLaw {
         Ok(())
     }
 
-    /// Refuses plies without their law, their law without plies, and plies that break.
+    /// Refuses plies without their law, and their law without plies.
     ///
     /// # Errors
     /// See above.
-    pub(super) fn check_plies(&self, body: &Body, breaks: bool) -> Result<(), SetupError> {
+    pub(super) fn check_plies(&self, body: &Body) -> Result<(), SetupError> {
         match (self.law.is_of_plies(), body.layers()) {
-            (true, Some(_)) if breaks => {
-                let message = "bonds of plies and between plies do not break yet";
-                Err(SetupError::value("fracture", message, "no `fracture`"))
-            }
             (true, None) => Err(no_layup(body)),
             (false, Some(_)) => {
                 let message = format!("body `{}` has a `layup`", body.name);

@@ -30,7 +30,7 @@
 //! | [`ordinary`], [`stretch`] | bond-based and ordinary state-based solids, their bond kernels and the law [`stretch::BondLaw`] |
 //! | [`correspondence`], [`points`] | correspondence solids, and laws of their points |
 //! | [`staggered`] | staggered solids: displacements at the corners of cells |
-//! | [`fracture`], [`interfaces`] | breaking bonds; strength between materials and across interfaces |
+//! | [`fracture`], `exceeding`, [`interfaces`] | breaking bonds; bonds beyond their limits; strength between materials and across interfaces |
 //! | `smoothing` | means of prescribed strains over families |
 //! | `stress_free` | stress-free strains that vary in space, as seen by the shape tensor |
 
@@ -51,6 +51,7 @@ mod energy_watch_tests;
 mod equilibrium;
 #[cfg(test)]
 mod equilibrium_tests;
+mod exceeding;
 mod fields;
 pub mod fracture;
 #[cfg(test)]
@@ -117,6 +118,7 @@ use fracture::FractureState;
 pub use keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
 use section::Section;
 use serde::{Deserialize, Serialize};
+use solid::FailureMode;
 use step::{MechanicalRun, MechanicalState};
 
 /// Stretch of a bond that shows an instability once displacements are ten times as large as the body: where its ends have
@@ -278,13 +280,22 @@ impl RunningPhysics for RunningMechanical {
         let run = &self.run;
         let forces = self.sections.iter().zip(&run.section_forces);
         let forces = forces.flat_map(|(s, force)| s.report(*force));
-        let broken = run.solid.base().fracture().map(|fracture| {
-            let bonds = 0.5 * fracture.state.broken.total() as f64;
-            Report::new("bonds.broken", "1", bonds)
+        let broken = run.solid.fracture_state().into_iter().flat_map(|state| {
+            let modes = run.solid.failure_modes();
+            let bonds = match modes.is_empty() {
+                true => state.count(),
+                false => modes.iter().map(|mode| mode.broken).sum(),
+            };
+            let all = Report::new("bonds.broken", "1", bonds);
+            let of_mode = |mode: &FailureMode<'_>| {
+                Report::new(format!("bonds.broken.{}", mode.name), "1", mode.broken)
+            };
+            let modes: Vec<Report> = modes.iter().map(of_mode).collect();
+            std::iter::once(all).chain(modes)
         });
         let energies = run.logged_energy.iter().flat_map(|e| e.reports());
         let validity = run.validity.report();
-        let others = broken.into_iter().chain(validity);
+        let others = broken.chain(validity);
         PhysicsReport {
             numbers: forces.chain(others).chain(energies).collect(),
             remarks: run.validity.remarks(world.body(run.body)),
@@ -301,7 +312,7 @@ impl RunningPhysics for RunningMechanical {
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(SavedMechanicalRef {
             state: &self.run.state,
-            broken: self.run.solid.base().fracture().map(|f| &f.state),
+            broken: self.run.solid.fracture_state(),
             relieved: &self.run.solid.base().relieved.modes,
         })
     }
@@ -329,10 +340,10 @@ impl RunningPhysics for RunningMechanical {
             0
         };
         check_length("velocities of corners", saved.velocity.len(), velocities)?;
-        if let (Some(own), Some(broken)) = (run.solid.base().fracture(), &broken) {
-            let is_own = own.state.broken.is_of_same_family(&broken.broken);
+        if let (Some(own), Some(broken)) = (run.solid.fracture_state(), &broken) {
+            let is_own = own.is_of_same_bonds(broken);
             check_length("broken bonds", usize::from(is_own), 1)?;
-            check_length("frozen stress", broken.frozen.len(), own.state.frozen.len())?;
+            check_length("frozen stress", broken.frozen.len(), own.frozen.len())?;
         }
         run.state = state;
         run.scratch.note_load();
@@ -341,9 +352,8 @@ impl RunningPhysics for RunningMechanical {
         if let Some(broken) = broken {
             run.solid.replace_fracture_state(broken);
         }
-        if let (Some(fracture), Some(damage)) = (run.solid.base().fracture(), &run.fields.damage) {
-            let pairs = fracture.broken_pairs(run.solid.base().family());
-            world.replace_broken_pairs(&damage.breaker, pairs);
+        if let Some(damage) = &run.fields.damage {
+            world.replace_broken_pairs(&damage.breaker, run.solid.broken_pairs());
         }
         Ok(())
     }

@@ -15,6 +15,7 @@ use super::fields::{Features, Fields, LawState};
 use super::fracture::{Criterion, Fracture};
 use super::growth;
 use super::keys::{Formulation, Kinematics, Mechanical};
+use super::laminate::PlyStrength;
 use super::law::{ChosenLaw, Parts};
 use super::moduli::Elasticity;
 use super::momentum::Balanced;
@@ -38,7 +39,7 @@ pub(super) fn run(
     let law = ChosenLaw::of(keys.law.take(), keys.formulation())?;
     let keys = &*keys;
     let body = setup.find_body(keys.body.as_deref())?;
-    law.check_plies(setup.body(body), keys.fracture.is_some())?;
+    law.check_plies(setup.body(body))?;
     growth::check(keys, setup, body)?;
     let layers = setup.layers(body, &keys::DISPLACEMENT);
     if keys.formulation() == Formulation::Staggered {
@@ -59,11 +60,12 @@ pub(super) fn run(
     let is_finite = constitution.finite;
     let damping = keys.solver.damping();
     let is_plastic = constitution.plasticity.is_some();
-    let mut features = Features {
+    let features = Features {
         is_explicit: damping.is_some(),
         flow: constitution.plasticity.as_ref().map(LawState::of_flow),
         law: None,
-        breaks: constitution.fracture.is_some(),
+        breaks: constitution.fracture.is_some() || constitution.failure.is_some(),
+        modes: &[],
     };
     let parts = Parts {
         body: setup.body(body),
@@ -79,8 +81,7 @@ pub(super) fn run(
     let statics = Statics::new(&keys.solver, solid.base().tangent());
     let density = setup.world().density_at_points(body)?;
     let node_density = solid.base().nodes.densities(&density, &[]);
-    features.law = solid.base().law_points.as_ref().map(LawState::of_points);
-    let fields = Fields::declare(setup, body, features)?;
+    let fields = declare(setup, body, features, &*solid)?;
     Ok(MechanicalRun {
         balanced: Balanced {
             dimension: setup.body(body).dimension,
@@ -111,6 +112,22 @@ pub(super) fn run(
             ..MechanicalState::default()
         },
     })
+}
+
+/// Declares the fields of a body with the law of its points and its modes of failure.
+fn declare(
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+    features: Features<'_>,
+    solid: &dyn Solid,
+) -> Result<Fields, SetupError> {
+    let modes: Vec<&'static str> = solid.failure_modes().iter().map(|m| m.name).collect();
+    let features = Features {
+        law: solid.base().law_points.as_ref().map(LawState::of_points),
+        modes: &modes,
+        ..features
+    };
+    Fields::declare(setup, body, features)
 }
 
 /// The elastic constants of the body; a bound of them where the law has those of plies.
@@ -228,14 +245,6 @@ fn family(
     };
     let this = setup.body(body);
     if let Some(layers) = this.layers() {
-        if !this.cuts.is_empty() {
-            let message = format!("body `{}` has a `layup`, and a crack cuts it", this.name);
-            return Err(SetupError::value(
-                "body",
-                message,
-                "a laminate without cracks",
-            ));
-        }
         let plane = Family::build(layers.plane(), &spec);
         return Ok(Arc::new(plane.map_err(|e| SetupError::new("horizon", e))?));
     }
@@ -273,6 +282,7 @@ fn constitution(
         let expected = "false, or `solver` \"quasi_static\" or \"relaxation\"";
         return Err(SetupError::value("fracture.once", message, expected));
     }
+    let has_plies = setup.body(body).layers().is_some();
     Ok(Constitution {
         elasticity,
         finite: keys.kinematics == Kinematics::Finite,
@@ -282,8 +292,12 @@ fn constitution(
             None => None,
         },
         fracture: match &keys.fracture {
-            Some(section) => Some(Fracture::of(section, setup, body, family)?),
-            None => None,
+            Some(section) if !has_plies => Some(Fracture::of(section, setup, body, family)?),
+            _ => None,
+        },
+        failure: match &keys.fracture {
+            Some(section) if has_plies => Some(PlyStrength::of(section, setup, body)?),
+            _ => None,
         },
     })
 }

@@ -99,9 +99,9 @@ impl Rhs for Residual<'_> {
             (0..3).for_each(|axis| out[axis] = -block[axis]);
         }
         self.set_held(out, -1.0);
-        if let Some(broken) = self.solid.base().broken() {
+        if self.solid.fracture_state().is_some() {
             // a point without unbroken bonds does not move
-            let lost = |point| broken.of(point) > 0;
+            let lost = |point| self.solid.has_lost_bonds(point);
             let zeros = out.iter_mut().enumerate().filter(|(_, d)| **d == 0.0);
             zeros
                 .filter(|(i, _)| lost(i / 3))

@@ -110,7 +110,7 @@ fn displacements_by_the_vectors_of_a_family_meet_no_force() {
             for damaged in [false, true] {
                 if damaged {
                     let state = FractureState {
-                        broken: some_broken(solid.base().family(), points),
+                        broken: vec![some_broken(solid.base().family(), points)],
                         frozen: vec![0.0; points],
                     };
                     if solid.replace_fracture_state(state).is_none() {

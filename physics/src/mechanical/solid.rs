@@ -10,6 +10,7 @@ use perimelt_core::solver::Spring;
 use super::base::SolidBase;
 use super::deformation::Deformation;
 use super::fracture::{Fracture, FractureState, NewBreaks};
+use super::laminate::PlyStrength;
 use super::moduli::Elasticity;
 use super::plasticity::Plasticity;
 
@@ -24,6 +25,8 @@ pub struct Constitution {
     pub plasticity: Option<Plasticity>,
     /// Strength of the bonds, if they break.
     pub fracture: Option<Fracture>,
+    /// Strength of plies, if they break.
+    pub failure: Option<PlyStrength>,
     /// Whether the body moves, so that its forces must have an energy also at layers.
     pub in_motion: bool,
 }
@@ -36,6 +39,7 @@ impl Constitution {
             finite: false,
             plasticity: None,
             fracture: None,
+            failure: None,
             in_motion: false,
         }
     }
@@ -86,6 +90,28 @@ pub trait Solid: Debug + Sync {
     /// have no gradient. Solids without springs for single points have no such modes.
     fn relieve_modes(&mut self, _is_relieved: &dyn Fn(usize) -> bool) {}
 
+    /// The broken bonds; `None` if bonds do not break.
+    fn fracture_state(&self) -> Option<&FractureState> {
+        self.base().fracture().map(|fracture| &fracture.state)
+    }
+
+    /// All pairs of points between which no bond is left.
+    fn broken_pairs(&self) -> Vec<[u32; 2]> {
+        let base = self.base();
+        let pairs = |fracture: &Fracture| fracture.broken_pairs(base.family());
+        base.fracture().map(pairs).unwrap_or_default()
+    }
+
+    /// Whether a point has lost bonds, so that it may have none left.
+    fn has_lost_bonds(&self, point: usize) -> bool {
+        self.base().broken().is_some_and(|b| b.of(point) > 0)
+    }
+
+    /// The ways in which bonds of a solid break that has several.
+    fn failure_modes(&self) -> Vec<FailureMode<'_>> {
+        Vec::new()
+    }
+
     /// Replaces the broken bonds, and invalidates what was computed from them; returns those before. `None` if
     /// bonds do not break.
     fn replace_fracture_state(&mut self, state: FractureState) -> Option<FractureState>;
@@ -97,6 +123,17 @@ pub trait Solid: Debug + Sync {
     /// Passes each point below the plane and the force density of its bonds with points above
     /// the plane, N/m³, to `receive`.
     fn force_across(&mut self, plane: AxisPlane, receive: &mut dyn FnMut(usize, [f64; 3]));
+}
+
+/// A way in which bonds of a body break.
+#[derive(Clone, Copy, Debug)]
+pub struct FailureMode<'a> {
+    /// Of the field `damage.<name>` and the report `bonds.broken.<name>`.
+    pub name: &'static str,
+    /// Number of broken bonds.
+    pub broken: f64,
+    /// By point, the fraction of these bonds that broke.
+    pub damage: &'a [f64],
 }
 
 /// Moduli and strengths of the points of a body.

@@ -341,11 +341,21 @@ impl MechanicalRun {
     /// Breaks the bonds that exceed their limit in the displacement of the last force and whose load is at
     /// least `fraction` of the largest; whether there were any.
     pub(super) fn break_bonds(&mut self, world: &World, fraction: f64) -> bool {
-        let Some(Damage { field, breaker }) = &self.fields.damage else {
+        let Some(Damage {
+            field,
+            modes,
+            breaker,
+        }) = &self.fields.damage
+        else {
             return false;
         };
         let breaks = self.solid.break_bonds(fraction, &mut world.write(*field));
         world.break_pairs(breaker, breaks.pairs);
+        if breaks.any && !modes.is_empty() {
+            for (field, mode) in modes.iter().zip(self.solid.failure_modes()) {
+                world.write(*field).copy_from_slice(mode.damage);
+            }
+        }
         breaks.any
     }
 
@@ -356,8 +366,11 @@ impl MechanicalRun {
             ..PointStates::default()
         });
         // that of the intact body, so that a resumed run takes the same steps
-        let intact = FractureState::intact(self.solid.base().family(), self.density.len());
-        let state = self.solid.replace_fracture_state(intact);
+        let intact = self
+            .solid
+            .fracture_state()
+            .map(FractureState::before_breaks);
+        let state = intact.and_then(|intact| self.solid.replace_fracture_state(intact));
         let rules: Vec<LayerRule> = (world.layer_rules(self.layers).iter())
             .map(LayerRule::homogeneous)
             .collect();

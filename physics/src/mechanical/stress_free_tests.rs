@@ -187,7 +187,7 @@ fn a_linear_temperature_is_free_of_stress() {
                     let solid = &mut mechanical.solid;
                     if keys.contains("fracture") {
                         let state = FractureState {
-                            broken: some_broken(solid.base().family(), positions.len()),
+                            broken: vec![some_broken(solid.base().family(), positions.len())],
                             frozen: vec![0.0; positions.len()],
                         };
                         solid.replace_fracture_state(state);

@@ -58,6 +58,8 @@ enum Points {
     Plate,
     /// The body is a window of finer points.
     Window,
+    /// Of the plies of a lay-up.
+    Layers,
 }
 
 /// How a flow carries heat.
@@ -72,6 +74,7 @@ impl Points {
     fn of(world: &World, body: BodyIndex, flow: HeatOfFlow) -> Points {
         match (world.refinement(body), world.description(body)) {
             _ if flow.of_two_fluids => Points::TwoFluids,
+            _ if world.body(body).layers().is_some() => Points::Layers,
             (Some((_, Level::Plate)), _) => Points::Plate,
             (Some((_, Level::Window)), _) => Points::Window,
             (None, Description::UpdatedLagrangian) => Points::Moving,
@@ -91,6 +94,7 @@ impl Points {
             Points::Growing => "material that is deposited or cut off",
             Points::Plate => "a body that has a window of finer points",
             Points::Window => "a body that is a window of finer points",
+            Points::Layers => "a body with a `layup`",
         }
     }
 }
@@ -110,7 +114,7 @@ impl ThermalChoice {
         let is_explicit = self.solver == ThermalSolver::Explicit;
         match self.points {
             Points::AtRest => true,
-            Points::Moving => is_by_bonds,
+            Points::Moving | Points::Layers => is_by_bonds,
             Points::InFlow => self.form != Form::Ordinary && is_explicit,
             Points::TwoFluids => is_by_bonds && is_explicit,
             Points::Growing => is_by_bonds && self.solver != ThermalSolver::Steady,
@@ -129,6 +133,7 @@ impl Choice for ThermalChoice {
             Points::Growing,
             Points::Plate,
             Points::Window,
+            Points::Layers,
         ];
         let forms = [Form::Bonds, Form::Ordinary, Form::SecondDerivatives];
         let solvers = [
@@ -195,7 +200,10 @@ impl Thermal {
                 FormKeys::SecondDerivatives
             }
         };
-        let stays = matches!(points, Points::AtRest | Points::Plate | Points::Window);
+        let stays = matches!(
+            points,
+            Points::AtRest | Points::Plate | Points::Window | Points::Layers
+        );
         let has_bonds = choice.form != Form::SecondDerivatives;
         let broken = (stays && has_bonds).then(|| self.broken_bonds.take().unwrap_or_default());
         let is_in_flow = points == Points::InFlow;
@@ -211,6 +219,11 @@ impl Thermal {
         // a window goes on behind its faces
         let surfaces = match points {
             Points::Window => self.surfaces.take_if(|s| *s != Surfaces::Bare),
+            // layers end
+            Points::Layers => {
+                self.surfaces.take_if(|s| *s != Surfaces::Mirrored);
+                Some(Surfaces::Bare)
+            }
             _ => self.surfaces.take(),
         };
         BondKeys {

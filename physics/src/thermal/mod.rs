@@ -29,6 +29,8 @@
 //! In the ordinary form the heat flow of a bond depends on all bonds of both ends, so that families of any shape conduct exactly.
 //! The form of second derivatives sums the differential operator ([`Form`]), as published for flows.
 //!
+//! Plies of a lay-up conduct by bonds with a conductivity by their direction, and through each other (`plies`).
+//!
 //! A body may have a window of finer points that moves with a source (`refined`).
 //!
 //! Surfaces: the faces of a body that fills its box continue in mirrored layers (insulated
@@ -58,6 +60,9 @@ mod kinds;
 mod laminate_tests;
 mod mixture;
 mod phases;
+mod plies;
+#[cfg(test)]
+mod plies_tests;
 mod points;
 mod prepare;
 mod rates;
@@ -315,5 +320,5 @@ impl RunningPhysics for RunningThermal {
 perimelt_core::register_physics!(
     "thermal",
     Thermal,
-    supports: [Motion, Flow, Births, Cuts, Window]
+    supports: [Motion, Flow, Births, Cuts, Window, Layers]
 );

@@ -3,7 +3,7 @@
 use std::rc::Rc;
 use std::sync::Arc;
 
-use perimelt_core::material::Property;
+use perimelt_core::material::{Directional, Property};
 use perimelt_core::world::exchange::Exchange;
 use perimelt_core::world::{BodyIndex, SurfaceDepths};
 use perimelt_core::{
@@ -23,6 +23,7 @@ use super::integrate::Integrator;
 use super::keys::{Form, Surfaces, Thermal};
 use super::kinds::{BondKeys, FormKeys, HeatOfFlow};
 use super::mixture::MixedFluids;
+use super::plies;
 use super::refined::Refined;
 use super::run::{Cracks, HeatAccount, RunningThermal};
 use super::surface::Surface;
@@ -188,7 +189,9 @@ fn prepare_surface(
 ) -> Result<Option<Surface>, SetupError> {
     let exchanges: Vec<Rc<Exchange>> = setup.facts(body).cloned().collect();
     let is_exchanged = !exchanges.is_empty() || has_conductance;
-    let depth = match is_exchanged && conduction.is_by_bonds() {
+    // the first points of plies stand at half of their layer
+    let has_layers = setup.body(body).layers().is_some();
+    let depth = match is_exchanged && conduction.is_by_bonds() && !has_layers {
         false => [0.5; 6],
         true => {
             let family = setup.world().family(family);
@@ -288,6 +291,9 @@ impl Thermal {
     ) -> Result<(FamilyHandle, Conduction), SetupError> {
         let body = domain.body;
         let found = conductivities(self.conductivity.clone(), setup.body(body))?;
+        if setup.body(body).layers().is_some() {
+            return self.plies(setup, domain, form, &found);
+        }
         let directions = Directions::of(&found, setup.body(body));
         need(
             directions.is_none() || self.form == Form::Ordinary,
@@ -331,6 +337,37 @@ impl Thermal {
             conduction.set_states(setup.body(body), stabilisation, directions);
         }
         Ok((handle, conduction))
+    }
+
+    /// The family and the operator of a body with a lay-up.
+    fn plies(
+        &self,
+        setup: &mut Setup<'_>,
+        domain: &ConductionDomain,
+        form: FormKeys,
+        found: &[Directional<Property>],
+    ) -> Result<(FamilyHandle, Conduction), SetupError> {
+        let correction = match form {
+            FormKeys::Bonds(keys) => keys.correction,
+            FormKeys::Ordinary(..) | FormKeys::SecondDerivatives => None,
+        };
+        let spec = FamilySpec {
+            horizon: domain.horizon,
+            partial_volume: self.partial_volume,
+            influence: Influence::default(),
+            correction: correction.unwrap_or_default(),
+            layers: Vec::new(),
+            audited: Vec::new(),
+        };
+        let this = setup.body(domain.body);
+        let points = this.points.len();
+        let Some(layers) = this.layers() else {
+            unreachable!("the caller has asked for them");
+        };
+        let (family, through) = plies::family(this, layers, &spec, found)?;
+        let conductivity = vec![Property::Constant(through)];
+        let conduction = Conduction::by_bonds(&family, conductivity, points, 1.0);
+        Ok((setup.take_family(domain.body, family)?, conduction))
     }
 
     /// The operator of second derivatives.

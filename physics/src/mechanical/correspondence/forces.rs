@@ -248,7 +248,7 @@ impl Correspondence {
             return;
         };
         let inputs = self.inputs.of_excess();
-        let (finite, broken) = (self.base.elastic.finite, Some(&fracture.state.broken));
+        let (finite, broken) = (self.base.elastic.finite, Some(&fracture.state.broken[0]));
         let (family, sums) = (
             &self.base.family,
             bytemuck::cast_slice_mut(&mut fracture.excess),

@@ -1,15 +1,17 @@
 //! Forces, stresses and energies of a laminate.
 
-use perimelt_core::Family;
-use perimelt_core::family::{AxisPlane, Mirrored};
+use perimelt_core::family::{AxisPlane, BrokenBonds, Mirrored};
+use perimelt_core::{BondKernel, Family};
 use rayon::prelude::*;
 
+use super::failure::Failure;
 use super::interface::Interface;
 use super::kernels::{
     Dilatation, INPUTS, InterfaceEnergy, InterfaceForce, PRESSURE, PlyEnergy, PlyForce, PlyStress,
     STRAIN, across,
 };
-use super::{Laminate, LayerSolid};
+use super::weights::PlyBonds;
+use super::{Laminate, LayerSolid, Work};
 use crate::mechanical::specialise::specialise;
 
 /// Kinematics, and whether strains are without their stress-free part.
@@ -32,9 +34,72 @@ impl LayerSolid {
     }
 }
 
+/// Bonds of a layer that are summed over: all, or those of the matrix or of the fibres alone.
+pub(super) struct Part<'a> {
+    bonds: PlyBonds,
+    inputs: [&'a [f64]; INPUTS],
+    pub(super) broken: Option<&'a BrokenBonds>,
+}
+
+/// What is summed over in a layer: its bonds, or matrix and fibres by themselves once bonds of either broke.
+pub(super) type Parts<'a> = [Option<Part<'a>>; 2];
+
+impl LayerSolid {
+    /// The parts of the bonds, with those of matrix and fibres that are `broken`. `zeros` take the place of the stress-free strain in total
+    /// strains, and of the dilatation of fibres.
+    pub(super) fn parts<'a>(
+        &'a self,
+        elastic: bool,
+        zeros: &'a [f64],
+        broken: Option<[&'a BrokenBonds; 2]>,
+    ) -> Parts<'a> {
+        let inputs = self.inputs(elastic, zeros);
+        let part = |bonds, inputs, broken| {
+            Some(Part {
+                bonds,
+                inputs,
+                broken,
+            })
+        };
+        let Some([matrix, fibres]) = broken else {
+            return [part(self.bonds, inputs, None), None];
+        };
+        let mut of_fibres = inputs;
+        of_fibres[PRESSURE] = zeros;
+        let fibres = part(self.bonds.of_fibres(), of_fibres, Some(fibres));
+        [
+            part(self.bonds.of_matrix(), inputs, Some(matrix)),
+            fibres.filter(|_| self.bonds.has_fibres()),
+        ]
+    }
+}
+
+/// Sums a kernel, by its bonds, over the parts of a layer; `added` is a work array.
+pub(super) fn sum_parts<const O: usize, K: BondKernel<INPUTS, O>>(
+    plane: &Family,
+    parts: &Parts<'_>,
+    kernel: impl Fn(PlyBonds) -> K,
+    sums: &mut [[f64; O]],
+    added: &mut Vec<f64>,
+) {
+    let [first, second] = parts;
+    if let Some(part) = first {
+        plane.sum_unbroken(&kernel(part.bonds), part.inputs, part.broken, sums);
+    }
+    if let Some(part) = second {
+        added.resize(O * sums.len(), 0.0);
+        let added = bytemuck::cast_slice_mut(added);
+        plane.sum_unbroken(&kernel(part.bonds), part.inputs, part.broken, added);
+        let both = sums.par_iter_mut().zip(&*added).with_min_len(4096);
+        both.for_each(|(sums, added): (&mut [f64; O], &[f64; O])| {
+            (0..O).for_each(|n| sums[n] += added[n]);
+        });
+    }
+}
+
 impl Interface {
     /// Stretch across the plies between two points without its stress-free part, and the direction of their bond.
-    fn across(
+    pub(super) fn across(
         &self,
         strained: Strained,
         displacement: [[f64; 3]; 2],
@@ -48,6 +113,11 @@ impl Interface {
         };
         across(strained.finite, self.crossing.distance, relative, free)
     }
+}
+
+/// Broken bonds of matrix and fibres of a layer; `None` where none broke.
+pub(super) fn broken_in(failure: Option<&Failure>, layer: usize) -> Option<[&BrokenBonds; 2]> {
+    failure.and_then(|failure| failure.of_layer(layer))
 }
 
 /// Displacements of two layers, as inputs of their interface.
@@ -69,7 +139,9 @@ impl Laminate {
             }
             let (plane, theta) = (&self.plane, &mut self.work.scalars);
             let inputs = layer.inputs(strained.elastic, &self.zeros);
-            specialise!(FINITE = strained.finite => plane.sum(&Dilatation::<FINITE>, inputs, theta));
+            let broken = broken_in(self.failure.as_ref(), number).map(|[matrix, _]| matrix);
+            specialise!(FINITE = strained.finite =>
+                plane.sum_unbroken(&Dilatation::<FINITE>, inputs, broken, theta));
             let a = layer.dilatation;
             for (point, [theta]) in theta.iter().enumerate() {
                 receive(number * points + point, *theta, a);
@@ -84,10 +156,13 @@ impl Laminate {
         self.load_pressure(strained, |_, _, _| {});
         let points = self.points_of_layer();
         let (out, _) = out.as_chunks_mut::<3>();
-        for (layer, out) in self.layers.iter().zip(out.chunks_mut(points)) {
-            let inputs = layer.inputs(strained.elastic, &self.zeros);
-            let law = layer.bonds;
-            specialise!(FINITE = strained.finite => self.plane.sum(&PlyForce::<FINITE>(law), inputs, out));
+        let layers = self.layers.iter().enumerate();
+        for ((number, layer), out) in layers.zip(out.chunks_mut(points)) {
+            let broken = broken_in(self.failure.as_ref(), number);
+            let parts = layer.parts(strained.elastic, &self.zeros, broken);
+            let (plane, added) = (&self.plane, &mut self.work.added);
+            specialise!(FINITE = strained.finite =>
+                sum_parts(plane, &parts, PlyForce::<FINITE>, out, added));
         }
         for number in 0..self.interfaces.len() {
             self.sum_interface(number, strained);
@@ -110,11 +185,16 @@ impl Laminate {
         let interface = &self.interfaces[number];
         let inputs = displacements(&self.layers[number], &self.layers[number + 1]);
         let (crossing, sums) = (interface.crossing, &mut self.work.pairs);
+        let failure = self.failure.as_ref();
+        let broken = failure.map(|failure| failure.of_interface(number));
         specialise!(FINITE = strained.finite =>
-            self.plane.sum(&InterfaceForce::<FINITE>(crossing), inputs, sums));
+            self.plane.sum_unbroken(&InterfaceForce::<FINITE>(crossing), inputs, broken, sums));
         let (displacement, strain) = (&self.displacement, &self.strain);
         let each = sums.par_iter_mut().enumerate().with_min_len(4096);
         each.for_each(|(point, force)| {
+            if failure.is_some_and(|failure| failure.is_open(number, point)) {
+                return;
+            }
             let both = [number * points + point, (number + 1) * points + point];
             let free = both.map(|p| strain[p][2]);
             let (stretch, direction) =
@@ -154,7 +234,9 @@ impl Laminate {
         self.sum_stress_of_layers(strained);
         let points = self.points_of_layer();
         for (number, interface) in self.interfaces.iter().enumerate() {
-            for point in 0..points {
+            let failure = self.failure.as_ref();
+            let is_open = |point| failure.is_some_and(|failure| failure.is_open(number, point));
+            for point in (0..points).filter(|point| !is_open(*point)) {
                 let both = [number * points + point, (number + 1) * points + point];
                 let displacement = both.map(|p| self.displacement[p]);
                 let (stretch, _) = interface.across(strained, displacement, [0.0; 2]);
@@ -172,10 +254,16 @@ impl Laminate {
         self.load_pressure(strained, |_, _, _| {});
         let points = self.points_of_layer();
         let tensors = self.base.tensors.chunks_mut(points);
-        for (layer, tensors) in self.layers.iter().zip(tensors) {
-            let inputs = layer.inputs(strained.elastic, &self.zeros);
-            let (law, sums) = (layer.bonds, &mut self.work.vectors);
-            specialise!(FINITE = strained.finite => self.plane.sum(&PlyStress::<FINITE>(law), inputs, sums));
+        for ((number, layer), tensors) in self.layers.iter().enumerate().zip(tensors) {
+            let broken = broken_in(self.failure.as_ref(), number);
+            let parts = layer.parts(strained.elastic, &self.zeros, broken);
+            let Work {
+                vectors: sums,
+                added,
+                ..
+            } = &mut self.work;
+            specialise!(FINITE = strained.finite =>
+                sum_parts(&self.plane, &parts, PlyStress::<FINITE>, sums, added));
             for (tensor, [xx, yy, xy]) in tensors.iter_mut().zip(sums) {
                 *tensor = [*xx, *yy, 0.0, *xy, 0.0, 0.0];
             }
@@ -190,18 +278,27 @@ impl Laminate {
         self.load_pressure(strained, |point, theta, a| {
             energy[point][0] = a * theta * theta
         });
-        for (layer, energy) in self.layers.iter().zip(energy.chunks_mut(points)) {
-            let inputs = layer.inputs(strained.elastic, &self.zeros);
-            let (law, sums) = (layer.bonds, &mut self.work.scalars);
-            specialise!(FINITE = strained.finite => self.plane.sum(&PlyEnergy::<FINITE>(law), inputs, sums));
+        let layers = self.layers.iter().enumerate();
+        for ((number, layer), energy) in layers.zip(energy.chunks_mut(points)) {
+            let broken = broken_in(self.failure.as_ref(), number);
+            let parts = layer.parts(strained.elastic, &self.zeros, broken);
+            let Work {
+                scalars: sums,
+                added,
+                ..
+            } = &mut self.work;
+            specialise!(FINITE = strained.finite =>
+                sum_parts(&self.plane, &parts, PlyEnergy::<FINITE>, sums, added));
             let both = energy.iter_mut().zip(sums);
             both.for_each(|(energy, [sum])| energy[0] += *sum);
         }
         for (number, interface) in self.interfaces.iter().enumerate() {
             let inputs = displacements(&self.layers[number], &self.layers[number + 1]);
             let (crossing, sums) = (interface.crossing, &mut self.work.scalars);
+            let failure = self.failure.as_ref();
+            let broken = failure.map(|failure| failure.of_interface(number));
             specialise!(FINITE = strained.finite =>
-                self.plane.sum(&InterfaceEnergy::<FINITE>(crossing), inputs, sums));
+                self.plane.sum_unbroken(&InterfaceEnergy::<FINITE>(crossing), inputs, broken, sums));
             for (point, [sum]) in sums.iter().enumerate() {
                 let both = [number * points + point, (number + 1) * points + point];
                 let (stretch, _) = interface.across(
@@ -209,7 +306,10 @@ impl Laminate {
                     both.map(|p| self.displacement[p]),
                     both.map(|p| self.strain[p][2]),
                 );
-                let of_opening = 0.5 * interface.modulus * crossing.distance * stretch * stretch;
+                let of_opening = match failure.is_some_and(|f| f.is_open(number, point)) {
+                    true => 0.0,
+                    false => 0.5 * interface.modulus * crossing.distance * stretch * stretch,
+                };
                 for (layer, point) in [number, number + 1].into_iter().zip(both) {
                     energy[point][0] += 0.5 * (sum + of_opening) / self.layers[layer].thickness;
                 }
@@ -232,11 +332,20 @@ impl Laminate {
         let points = self.points_of_layer();
         let family: &Family = &self.plane;
         for (number, layer) in self.layers.iter().enumerate() {
-            let inputs = layer.inputs(strained.elastic, &self.zeros);
-            let law = layer.bonds;
-            let receive = |point: usize, force| receive(number * points + point, force);
-            specialise!(FINITE = strained.finite =>
-                family.sum_across(&PlyForce::<FINITE>(law), inputs, None, plane, receive));
+            let broken = broken_in(self.failure.as_ref(), number);
+            for part in layer.parts(strained.elastic, &self.zeros, broken) {
+                let Some(Part {
+                    bonds,
+                    inputs,
+                    broken,
+                }) = part
+                else {
+                    continue;
+                };
+                let receive = |point: usize, force| receive(number * points + point, force);
+                specialise!(FINITE = strained.finite =>
+                    family.sum_across(&PlyForce::<FINITE>(bonds), inputs, broken, plane, receive));
+            }
         }
         for (number, interface) in self.interfaces.iter().enumerate() {
             let inputs = displacements(&self.layers[number], &self.layers[number + 1]);
@@ -247,8 +356,10 @@ impl Laminate {
                 receive(number * points + point, [x, y, z].map(|f| f / lower));
                 receive((number + 1) * points + point, [a, b, c].map(|f| f / upper));
             };
+            let failure = self.failure.as_ref();
+            let broken = failure.map(|failure| failure.of_interface(number));
             specialise!(FINITE = strained.finite =>
-                family.sum_across(&InterfaceForce::<FINITE>(crossing), inputs, None, plane, receive));
+                family.sum_across(&InterfaceForce::<FINITE>(crossing), inputs, broken, plane, receive));
         }
     }
 

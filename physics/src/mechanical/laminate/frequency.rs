@@ -1,9 +1,7 @@
 //! Stiffness of single points of a laminate: for the stable step, and to precondition equilibrium.
 
-use perimelt_core::Family;
-
 use super::Laminate;
-use super::interface::Interface;
+use super::force::{broken_in, sum_parts};
 use super::kernels::{InterfaceBlock, PlyBlock};
 use crate::mechanical::classical::symmetric;
 
@@ -15,26 +13,39 @@ struct BesideInterface {
     row: f64,
 }
 
-impl Interface {
-    fn stiffness(&self, plane: &Family) -> Vec<BesideInterface> {
-        let mut sums = vec![[0.0; 6]; plane.points()];
-        plane.sum(&InterfaceBlock(self.crossing), [], &mut sums);
-        let opening = self.modulus / self.crossing.distance;
-        let of_point = |[x, y, z, a, b, c]: &[f64; 6]| BesideInterface {
-            own: [*x, *y, z + opening],
-            row: a.max(*b).max(c + 2.0 * opening),
-        };
-        sums.iter().map(of_point).collect()
-    }
-}
-
 impl Laminate {
+    /// Stiffness beside each interface.
+    fn beside_interfaces(&self) -> impl Iterator<Item = Vec<BesideInterface>> {
+        self.interfaces
+            .iter()
+            .enumerate()
+            .map(|(number, interface)| {
+                let failure = self.failure.as_ref();
+                let broken = failure.map(|failure| failure.of_interface(number));
+                let mut sums = vec![[0.0; 6]; self.points_of_layer()];
+                let kernel = InterfaceBlock(interface.crossing);
+                self.plane.sum_unbroken(&kernel, [], broken, &mut sums);
+                let of_point = |(point, [x, y, z, a, b, c]): (usize, &[f64; 6])| {
+                    let opening = match failure.is_some_and(|f| f.is_open(number, point)) {
+                        true => 0.0,
+                        false => interface.modulus / interface.crossing.distance,
+                    };
+                    BesideInterface {
+                        own: [*x, *y, z + opening],
+                        row: a.max(*b).max(c + 2.0 * opening),
+                    }
+                };
+                sums.iter().enumerate().map(of_point).collect()
+            })
+    }
+
     /// Diagonal blocks of the stiffness of each point in its plane (xx, yy, xy), and the sum of `w / |xi|` of each.
     fn plane_blocks(&self) -> impl Iterator<Item = Vec<[f64; 4]>> {
-        self.layers.iter().map(|layer| {
+        self.layers.iter().enumerate().map(|(number, layer)| {
             let mut sums = vec![[0.0; 4]; self.points_of_layer()];
-            let inputs = layer.inputs(true, &self.zeros);
-            self.plane.sum(&PlyBlock(layer.bonds), inputs, &mut sums);
+            let broken = broken_in(self.failure.as_ref(), number);
+            let parts = layer.parts(true, &self.zeros, broken);
+            sum_parts(&self.plane, &parts, PlyBlock, &mut sums, &mut Vec::new());
             sums
         })
     }
@@ -43,18 +54,19 @@ impl Laminate {
     pub(super) fn load_blocks(&mut self) {
         let points = self.points_of_layer();
         let in_plane = self.plane_blocks().flatten();
-        self.blocks = in_plane
+        let mut blocks: Vec<[f64; 6]> = in_plane
             .map(|[xx, yy, xy, _]| [xx, yy, 0.0, xy, 0.0, 0.0])
             .collect();
-        for (number, interface) in self.interfaces.iter().enumerate() {
-            for (point, beside) in interface.stiffness(&self.plane).iter().enumerate() {
+        for (number, beside) in self.beside_interfaces().enumerate() {
+            for (point, beside) in beside.iter().enumerate() {
                 for layer in [number, number + 1] {
-                    let block = &mut self.blocks[layer * points + point];
+                    let block = &mut blocks[layer * points + point];
                     let thickness = self.layers[layer].thickness;
                     (0..3).for_each(|axis| block[axis] += beside.own[axis] / thickness);
                 }
             }
         }
+        self.blocks = blocks;
     }
 
     /// A bound of the squares of the eigenfrequencies: the sum of bounds of the layers and of the interfaces. That of a layer is
@@ -63,8 +75,8 @@ impl Laminate {
     pub(super) fn largest_square(&self, density: &[f64]) -> f64 {
         let points = self.points_of_layer();
         let mut rows = vec![0.0; density.len()];
-        for (number, interface) in self.interfaces.iter().enumerate() {
-            for (point, beside) in interface.stiffness(&self.plane).iter().enumerate() {
+        for (number, beside) in self.beside_interfaces().enumerate() {
+            for (point, beside) in beside.iter().enumerate() {
                 for layer in [number, number + 1] {
                     rows[layer * points + point] += beside.row / self.layers[layer].thickness;
                 }

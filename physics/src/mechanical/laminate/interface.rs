@@ -6,7 +6,7 @@ use perimelt_core::body::{Layer, Layers};
 
 use super::kernels::Crossing;
 use super::law::PlyConstants;
-use super::weights::{CompleteFamily, ShearBonds, turned};
+use crate::plies::{CompleteFamily, TensorBonds, turned};
 
 /// The bonds between two layers, one above the other.
 #[derive(Debug)]
@@ -60,7 +60,7 @@ impl Interface {
         let moduli = compliance.try_inverse().ok_or_else(refused)?;
         Ok(Interface {
             crossing: Crossing {
-                bonds: ShearBonds::new(complete, &moduli).ok_or_else(refused)?,
+                bonds: TensorBonds::new(complete, &moduli).ok_or_else(refused)?,
                 distance,
             },
             modulus: constants.modulus_across,

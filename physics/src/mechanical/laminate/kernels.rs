@@ -13,7 +13,8 @@
 
 use perimelt_core::{Bond, BondKernel};
 
-use super::weights::{PlyBonds, ShearBonds};
+use super::weights::PlyBonds;
+use crate::plies::{TensorBonds, is_along, plane_direction};
 
 /// Inputs of the kernels of a ply; the first three are the displacement, m.
 pub(super) const INPUTS: usize = 8;
@@ -54,12 +55,6 @@ fn stretched<const FINITE: bool>(xi: [f64; 3], length: f64, relative: [f64; 3]) 
             direction,
         }
     }
-}
-
-/// Unit vector of a bond in the plane.
-#[inline(always)]
-fn plane_direction(bond: &Bond) -> [f64; 2] {
-    [bond.xi[0], bond.xi[1]].map(|x| x * bond.inverse_length)
 }
 
 /// Stiffness of a bond with its mean weight, Pa/m.
@@ -130,6 +125,53 @@ impl<const FINITE: bool> BondKernel<INPUTS, 3> for PlyStress<FINITE> {
     }
 }
 
+/// Limits of the elastic stretch of bonds.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StretchLimits {
+    pub(super) tension: f64,
+    /// Positive; infinite where bonds do not break in compression.
+    pub(super) compression: f64,
+    /// Unit vector along the bonds that break, if not all do.
+    pub(super) along: Option<[f64; 2]>,
+}
+
+/// Inputs of [`Excess`]: those of a ply, and a factor of the limits, which is infinite where bonds never break.
+pub(super) const LOAD_INPUTS: usize = INPUTS + 1;
+
+/// Excess of bonds over their limits, relative.
+pub(super) struct Excess<const FINITE: bool>(pub(super) StretchLimits);
+
+impl<const FINITE: bool> Excess<FINITE> {
+    /// Load of a bond over its limit.
+    #[inline(always)]
+    pub(super) fn ratio(
+        &self,
+        bond: &Bond,
+        own: &[f64; LOAD_INPUTS],
+        other: &[f64; LOAD_INPUTS],
+    ) -> f64 {
+        let StretchLimits {
+            tension,
+            compression,
+            along,
+        } = self.0;
+        if along.is_some_and(|fibre| !is_along(fibre, plane_direction(bond))) {
+            return 0.0;
+        }
+        let [first, second] = [own, other].map(|end| std::array::from_fn(|n| end[n]));
+        let stretch = elastic::<FINITE>(bond, &first, &second).stretch;
+        let factor = 0.5 * (own[INPUTS] + other[INPUTS]);
+        (stretch / tension).max(-stretch / compression) / factor
+    }
+}
+
+impl<const FINITE: bool> BondKernel<LOAD_INPUTS, 1> for Excess<FINITE> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; LOAD_INPUTS], other: [f64; LOAD_INPUTS]) -> [f64; 1] {
+        [(self.ratio(bond, &own, &other) - 1.0).max(0.0)]
+    }
+}
+
 /// Energy density without that of the dilatation, J/m³.
 pub(super) struct PlyEnergy<const FINITE: bool>(pub(super) PlyBonds);
 
@@ -173,24 +215,10 @@ impl BondKernel<INPUTS, 4> for PlyBlock {
     }
 }
 
-/// Sum of `mean(w) |xi|` over the bonds along the fibres.
-pub(super) struct FibreMoment(pub(super) PlyBonds);
-
-impl BondKernel<0, 1> for FibreMoment {
-    const RARE: bool = true;
-
-    fn bond(&self, bond: &Bond, _: [f64; 0], _: [f64; 0]) -> [f64; 1] {
-        match self.0.along_fibre(plane_direction(bond)) != 0.0 {
-            true => [bond.mean() * bond.length],
-            false => [0.0],
-        }
-    }
-}
-
 /// The bonds between two layers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Crossing {
-    pub(super) bonds: ShearBonds,
+    pub(super) bonds: TensorBonds,
     /// Distance of the layers, m.
     pub(super) distance: f64,
 }
@@ -241,6 +269,38 @@ impl<const FINITE: bool> BondKernel<6, 6> for InterfaceForce<FINITE> {
         let size = 0.5 * pair.moment * pair.angle * pair.length * bond.inverse_length;
         let ([ux, uy, uz], [dx, dy, dz]) = (pair.up.direction, pair.down.direction);
         [ux, uy, uz, dx, dy, dz].map(|n| size * n)
+    }
+}
+
+/// Inputs of [`InterfaceExcess`]: displacements of two layers, and their factors of the limits.
+pub(super) const SHEAR_INPUTS: usize = 8;
+
+/// Excess of pairs of crossing bonds over the limit of their angle, relative.
+pub(super) struct InterfaceExcess<const FINITE: bool> {
+    pub(super) crossing: Crossing,
+    pub(super) limit: f64,
+}
+
+impl<const FINITE: bool> InterfaceExcess<FINITE> {
+    /// Angle of a pair over its limit.
+    #[inline(always)]
+    pub(super) fn ratio(
+        &self,
+        bond: &Bond,
+        own: &[f64; SHEAR_INPUTS],
+        other: &[f64; SHEAR_INPUTS],
+    ) -> f64 {
+        let [first, second] = [own, other].map(|end| std::array::from_fn(|n| end[n]));
+        let angle = self.crossing.pair::<FINITE>(bond, &first, &second).angle;
+        let factor = 0.25 * (own[6] + own[7] + other[6] + other[7]);
+        angle.abs() / (self.limit * factor)
+    }
+}
+
+impl<const FINITE: bool> BondKernel<SHEAR_INPUTS, 1> for InterfaceExcess<FINITE> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; SHEAR_INPUTS], other: [f64; SHEAR_INPUTS]) -> [f64; 1] {
+        [(self.ratio(bond, &own, &other) - 1.0).max(0.0)]
     }
 }
 

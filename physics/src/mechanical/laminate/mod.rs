@@ -8,12 +8,17 @@
 //! Near free edges the bonds have the stiffness of the interior times the correction of the family; bonds along the fibres
 //! have a correction of their own, as the rows of fibres end elsewhere than the family does.
 
+mod crack;
+mod failure;
+#[cfg(test)]
+mod failure_tests;
 mod force;
 mod frequency;
 mod interface;
 mod kernels;
 mod law;
 mod solid;
+mod strength;
 #[cfg(test)]
 mod tests;
 mod weights;
@@ -22,17 +27,20 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use perimelt_core::body::{Layer, Layers};
-use perimelt_core::family::Mirrored;
-use perimelt_core::{Body, Correction, Family, SetupError, SlotField, text};
+use perimelt_core::family::{FamilyError, Mirrored};
+use perimelt_core::{Body, Family, SetupError, SlotField, text};
 
 use super::base::{Properties, SolidBase};
 use super::solid::Constitution;
+use crate::plies::{CompleteFamily, fibre_factors};
+use failure::Failure;
 use interface::Interface;
-use kernels::{FibreMoment, INPUTS};
+use kernels::INPUTS;
 use law::PlyConstants;
 pub(super) use law::no_layup;
 pub use law::{Lamina, OfPlies};
-use weights::{CompleteFamily, NoBonds, PlyBonds};
+pub use strength::PlyStrength;
+use weights::{NoBonds, PlyBonds};
 
 /// A layer of points.
 #[derive(Debug)]
@@ -64,7 +72,9 @@ pub struct Laminate {
     zeros: SlotField,
     /// Sums over the bonds of a layer.
     work: Work,
-    /// Diagonal blocks of the stiffness, which does not change; empty until they are needed.
+    /// Limits and broken bonds, if bonds break.
+    failure: Option<Failure>,
+    /// Diagonal blocks of the stiffness of the unbroken bonds; empty until they are needed.
     blocks: Vec<[f64; 6]>,
     gradients: Vec<Matrix3<f64>>,
 }
@@ -75,6 +85,8 @@ struct Work {
     scalars: Vec<[f64; 1]>,
     vectors: Vec<[f64; 3]>,
     pairs: Vec<[f64; 6]>,
+    /// Of fibres by themselves.
+    added: Vec<f64>,
 }
 
 impl Work {
@@ -83,6 +95,7 @@ impl Work {
             scalars: vec![[0.0]; points],
             vectors: vec![[0.0; 3]; points],
             pairs: vec![[0.0; 6]; points],
+            added: Vec::new(),
         }
     }
 }
@@ -132,12 +145,16 @@ impl Laminate {
         let complete = CompleteFamily::new(spacing, plane.spec());
         let complete = complete.map_err(|e| SetupError::new("horizon", e))?;
         let reduced = constants.ply.reduced();
+        let uncut = uncut(layers.plane(), &plane).map_err(|e| SetupError::new("horizon", e))?;
         let solid_of = |layer: &Layer| {
             let (sin, cos) = layers.plies()[layer.ply].angle.sin_cos();
             let bonds = PlyBonds::new(&complete, [cos, sin], &reduced);
             let bonds = bonds.map_err(|reason| refusal(layers, layer, reason))?;
             let mut slots: [SlotField; INPUTS] = std::array::from_fn(|_| SlotField::zeros(&plane));
-            let factors = fibre_factors(&plane, &complete, &bonds);
+            let factors = match bonds.has_fibres() {
+                true => fibre_factors(&uncut, &complete, bonds.fibre),
+                false => Vec::new(),
+            };
             let factors = |point: usize| factors.get(point).copied().unwrap_or(1.0);
             slots[kernels::FIBRE].load(&plane, factors, Mirrored::Scalar);
             Ok(LayerSolid {
@@ -153,6 +170,11 @@ impl Laminate {
         let interfaces: Result<Vec<Interface>, SetupError> = pairs
             .map(|pair| Interface::new(layers, [&pair[0], &pair[1]], &complete, constants))
             .collect();
+        let (solids, interfaces) = (solids?, interfaces?);
+        let failure = constitution.failure.as_ref().map(|strength| {
+            let bonds = (&solids[..], &interfaces[..]);
+            Failure::new((layers, &plane), &complete, constants, bonds, strength)
+        });
         let properties = Properties {
             bonds_shear: true,
             has_symmetric_plastic_tangent: true,
@@ -165,8 +187,9 @@ impl Laminate {
         let points = body.points.len();
         Ok(Laminate {
             base,
-            layers: solids?,
-            interfaces: interfaces?,
+            layers: solids,
+            interfaces,
+            failure,
             heights: layers.layers().iter().map(|layer| layer.z).collect(),
             displacement: vec![[0.0; 3]; points],
             strain: vec![[0.0; 6]; points],
@@ -184,19 +207,12 @@ impl Laminate {
     }
 }
 
-/// Factors that give the fibres of each point the stiffness of a complete row, where the family is corrected at surfaces;
-/// empty where it is not.
-fn fibre_factors(plane: &Family, complete: &CompleteFamily, bonds: &PlyBonds) -> Vec<f64> {
-    let is_corrected = matches!(
-        plane.spec().correction,
-        Correction::Point | Correction::Uniaxial | Correction::Balanced
-    );
-    if !is_corrected || !bonds.has_fibres() {
-        return Vec::new();
+/// The family without cracks: corrections beside a crack stay those of the uncut body.
+fn uncut(body: &Body, plane: &Arc<Family>) -> Result<Arc<Family>, FamilyError> {
+    if body.cuts.is_empty() {
+        return Ok(plane.clone());
     }
-    let mut sums = vec![[0.0]; plane.points()];
-    plane.sum(&FibreMoment(*bonds), [], &mut sums);
-    let target = complete.moment_along(bonds.fibre);
-    let factor = |&[sum]: &[f64; 1]| if sum > 0.0 { target / sum } else { 0.0 };
-    sums.iter().map(factor).collect()
+    let mut body = body.clone();
+    body.cuts.clear();
+    Ok(Arc::new(Family::build(&body, plane.spec())?))
 }

@@ -5,17 +5,18 @@ use perimelt_core::family::{AxisPlane, LayerRule, Mirrored};
 use rayon::prelude::*;
 
 use super::Laminate;
-use super::force::Strained;
+use super::failure::Failure;
+use super::force::{Strained, broken_in};
 use super::kernels::{PlaneGradient, STRAIN};
 use crate::mechanical::base::SolidBase;
 use crate::mechanical::deformation::Deformation;
 use crate::mechanical::fracture::{FractureState, NewBreaks};
 use crate::mechanical::solid::{
-    EnergyKind, Evaluated, PointStates, Solid, Stiffness, StressKind, Wanted,
+    EnergyKind, Evaluated, FailureMode, PointStates, Solid, Stiffness, StressKind, Wanted,
 };
 
 impl Laminate {
-    fn strained(&self) -> Strained {
+    pub(super) fn strained(&self) -> Strained {
         Strained {
             finite: self.base.is_finite(),
             elastic: true,
@@ -44,7 +45,10 @@ impl Laminate {
         let points = self.points_of_layer();
         for (number, layer) in self.layers.iter().enumerate() {
             let inputs = layer.inputs(true, &self.zeros);
-            self.plane.sum(&PlaneGradient, inputs, &mut self.work.pairs);
+            let broken = broken_in(self.failure.as_ref(), number).map(|[matrix, _]| matrix);
+            let sums = &mut self.work.pairs;
+            self.plane
+                .sum_unbroken(&PlaneGradient, inputs, broken, sums);
             let gradients = self.gradients[number * points..].iter_mut();
             for (gradient, sums) in gradients.zip(&self.work.pairs) {
                 *gradient = Matrix3::zeros();
@@ -168,12 +172,34 @@ impl Solid for Laminate {
         self.largest_square(density).sqrt()
     }
 
-    fn replace_fracture_state(&mut self, _state: FractureState) -> Option<FractureState> {
-        None
+    fn fracture_state(&self) -> Option<&FractureState> {
+        self.failure.as_ref().map(|failure| &failure.state)
     }
 
-    fn break_bonds(&mut self, _fraction: f64, _damage: &mut [f64]) -> NewBreaks {
-        NewBreaks::default()
+    fn broken_pairs(&self) -> Vec<[u32; 2]> {
+        let pairs = self.failure.as_ref().map(|f| f.broken_pairs(&self.plane));
+        pairs.unwrap_or_default()
+    }
+
+    fn has_lost_bonds(&self, point: usize) -> bool {
+        self.failure.as_ref().is_some_and(|f| f.has_damage(point))
+    }
+
+    fn failure_modes(&self) -> Vec<FailureMode<'_>> {
+        self.failure
+            .as_ref()
+            .map(Failure::modes)
+            .unwrap_or_default()
+    }
+
+    fn replace_fracture_state(&mut self, state: FractureState) -> Option<FractureState> {
+        let failure = self.failure.as_mut()?;
+        self.blocks.clear();
+        Some(failure.replace(&self.plane, state))
+    }
+
+    fn break_bonds(&mut self, fraction: f64, damage: &mut [f64]) -> NewBreaks {
+        self.break_exceeding(fraction, damage)
     }
 
     fn force_across(&mut self, plane: AxisPlane, receive: &mut dyn FnMut(usize, [f64; 3])) {

@@ -13,7 +13,7 @@ use crate::mechanical::solid::PointStates;
 use crate::mechanical::solid::{EnergyKind, Solid, Stiffness, StressFreeStrain, Wanted};
 
 /// Graphite/epoxy of [Gao2020], chapter 4.
-const CONSTANTS: PlyConstants = PlyConstants {
+pub(super) const CONSTANTS: PlyConstants = PlyConstants {
     ply: PlyStiffness {
         moduli: [181e9, 10.3e9],
         poissons_ratio: 0.28,
@@ -23,9 +23,9 @@ const CONSTANTS: PlyConstants = PlyConstants {
     modulus_across: 3.4e9,
 };
 
-const SPACING: f64 = 1e-3;
+pub(super) const SPACING: f64 = 1e-3;
 
-fn plate(angles: &[f64], thickness: &[f64], stations: Stations, side: usize) -> Body {
+pub(super) fn plate(angles: &[f64], thickness: &[f64], stations: Stations, side: usize) -> Body {
     let height: f64 = thickness.iter().sum();
     let side = side as f64 * SPACING;
     let shape = Shape::Box(BoxShape {
@@ -57,19 +57,19 @@ fn laminate(body: &Body, finite: bool) -> Laminate {
 }
 
 /// Displacements of all points by a function of their position (m).
-fn displaced(body: &Body, at: impl Fn(f64, f64, f64) -> [f64; 3]) -> Vec<f64> {
+pub(super) fn displaced(body: &Body, at: impl Fn(f64, f64, f64) -> [f64; 3]) -> Vec<f64> {
     let points = body.points.position.iter();
     points.flat_map(|x| at(x.x, x.y, x.z)).collect()
 }
 
 /// Deterministic numbers between -1 and 1.
-fn noise(count: usize) -> Vec<f64> {
+pub(super) fn noise(count: usize) -> Vec<f64> {
     let number = |i: usize| ((i as f64 * 12.9898).sin() * 43758.5453).fract();
     (0..count).map(number).collect()
 }
 
 /// Energy of the body, J.
-fn energy(body: &Body, laminate: &mut Laminate, displacement: &[f64]) -> f64 {
+pub(super) fn energy(body: &Body, laminate: &mut Laminate, displacement: &[f64]) -> f64 {
     laminate.set_displacement(displacement, &[]);
     let density = laminate
         .evaluate(Wanted::energy(EnergyKind::Elastic))
@@ -78,7 +78,7 @@ fn energy(body: &Body, laminate: &mut Laminate, displacement: &[f64]) -> f64 {
     points.map(|([energy, _], volume)| energy * volume).sum()
 }
 
-fn force(laminate: &mut Laminate, displacement: &[f64]) -> Vec<f64> {
+pub(super) fn force(laminate: &mut Laminate, displacement: &[f64]) -> Vec<f64> {
     let mut force = vec![0.0; displacement.len()];
     laminate.set_displacement(displacement, &[]);
     laminate.evaluate(Wanted::force(&mut force));

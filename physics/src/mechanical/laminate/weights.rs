@@ -8,85 +8,7 @@
 //! with `a` the part of the dilatation, psi from the fibres, and sines where the lattice is not symmetric about the fibres.
 //! The moments are those of the lattice, so that the stiffness is exact to rounding whatever the horizon.
 
-use nalgebra::{DMatrix, DVector, Matrix2};
-use perimelt_core::family::FamilyError;
-use perimelt_core::shape::{BoxShape, Shape};
-use perimelt_core::{Body, Family, FamilySpec};
-
-/// Sine of the angle up to which a bond runs along the fibres.
-const ALONG: f64 = 1e-6;
-
-/// The bonds of a complete family in a plane.
-#[derive(Clone, Debug)]
-pub(super) struct CompleteFamily {
-    bonds: Vec<PlaneBond>,
-}
-
-/// A bond of a complete family.
-#[derive(Clone, Copy, Debug)]
-struct PlaneBond {
-    /// Weight times length.
-    moment: f64,
-    /// Unit vector.
-    direction: [f64; 2],
-}
-
-impl CompleteFamily {
-    /// That of the points of a plane grid of this spacing (m).
-    pub(super) fn new(spacing: f64, spec: &FamilySpec) -> Result<Self, FamilyError> {
-        let reach = (spec.horizon.of(spacing) / spacing).ceil() + 1.0;
-        let side = 2.0 * reach + 1.0;
-        let square = Shape::Box(BoxShape {
-            min: [0.0; 3],
-            max: [side * spacing, side * spacing, spacing],
-        });
-        let body = Body::fill("plane", &square, 2, spacing, 1.0);
-        let body = body.expect("a square of at least three cells");
-        let whole = FamilySpec {
-            layers: Vec::new(),
-            ..spec.clone()
-        };
-        let family = Family::build(&body, &whole)?;
-        let mut bonds = Vec::new();
-        family.for_each_bond(body.points.len() / 2, |_, bond, _| {
-            bonds.push(PlaneBond {
-                moment: bond.weight * bond.length,
-                direction: [bond.xi[0], bond.xi[1]].map(|x| x * bond.inverse_length),
-            });
-        });
-        Ok(CompleteFamily { bonds })
-    }
-
-    /// Sum of weight times length over the bonds along a direction.
-    pub(super) fn moment_along(&self, fibre: [f64; 2]) -> f64 {
-        let along = self.bonds.iter().filter(|b| is_along(fibre, b.direction));
-        along.map(|bond| bond.moment).sum()
-    }
-
-    /// `1/2 sum_j w |xi| m_r(n) p_c(n)` by row and column, with moments m of the directions n and parts p of the stiffness.
-    fn moments<const N: usize>(
-        &self,
-        of_direction: impl Fn([f64; 2]) -> [[f64; N]; 2],
-    ) -> DMatrix<f64> {
-        let mut matrix = DMatrix::zeros(N, N);
-        for bond in &self.bonds {
-            let [moments, parts] = of_direction(bond.direction);
-            for (row, moment) in moments.iter().enumerate() {
-                for (column, part) in parts.iter().enumerate() {
-                    matrix[(row, column)] += 0.5 * bond.moment * moment * part;
-                }
-            }
-        }
-        matrix
-    }
-}
-
-/// Whether a unit vector runs along the fibres.
-#[inline(always)]
-pub(super) fn is_along(fibre: [f64; 2], direction: [f64; 2]) -> bool {
-    let sine = fibre[0] * direction[1] - fibre[1] * direction[0];
-    sine.abs() < ALONG
-}
+use crate::plies::{CompleteFamily, is_along, relative, solve, waves};
 
 /// Plane stiffness of a ply along and across its fibres, Pa.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -239,94 +161,31 @@ impl PlyBonds {
         }
     }
 
+    /// Those without what the fibres add.
+    pub(super) fn of_matrix(mut self) -> Self {
+        self.increment = 0.0;
+        self
+    }
+
+    /// What the fibres add alone.
+    pub(super) fn of_fibres(mut self) -> Self {
+        self.matrix = [0.0; 5];
+        self
+    }
+
     /// Whether the fibres have bonds of their own.
     pub(super) fn has_fibres(&self) -> bool {
         self.increment != 0.0
     }
 }
 
-/// Cosine and sine of the angle from the fibres.
-#[inline(always)]
-fn relative(fibre: [f64; 2], direction: [f64; 2]) -> [f64; 2] {
-    [
-        fibre[0] * direction[0] + fibre[1] * direction[1],
-        fibre[0] * direction[1] - fibre[1] * direction[0],
-    ]
-}
-
-/// 1, cos 2 psi, sin 2 psi, cos 4 psi and sin 4 psi of the angle from the fibres.
-#[inline(always)]
-fn waves(fibre: [f64; 2], direction: [f64; 2]) -> [f64; 5] {
-    let [c, s] = relative(fibre, direction);
-    let (cos2, sin2) = (c * c - s * s, 2.0 * c * s);
-    [
-        1.0,
-        cos2,
-        sin2,
-        cos2 * cos2 - sin2 * sin2,
-        2.0 * cos2 * sin2,
-    ]
-}
-
-/// The smallest solution: waves that no moment contains, such as sines on a lattice that is symmetric about the fibres, are zero.
-/// `None` where the moments cannot be met, since bonds run in too few directions.
-fn solve(matrix: DMatrix<f64>, target: &[f64]) -> Option<Vec<f64>> {
-    let target = DVector::from_column_slice(target);
-    let parts = matrix.clone().svd(true, true);
-    let least = 1e-9 * parts.singular_values.max();
-    let factors = parts.solve(&target, least).ok()?;
-    let missed = (matrix * &factors - &target).amax();
-    (missed < 1e-9 * target.amax()).then(|| factors.as_slice().to_vec())
-}
-
-/// Stiffness of the bonds across an interface against shear, Pa, by the direction of their projection on the plane.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ShearBonds {
-    /// Factors of 1, cos 2 psi and sin 2 psi, with psi from x.
-    factors: [f64; 3],
-}
-
-impl ShearBonds {
-    /// The bonds of an interface with these shear moduli, Pa; `None` if one is negative.
-    pub(super) fn new(family: &CompleteFamily, moduli: &Matrix2<f64>) -> Option<Self> {
-        let matrix = family.moments(|[x, y]| {
-            let [one, cos2, sin2, ..] = waves([1.0, 0.0], [x, y]);
-            [[x * x, y * y, x * y], [one, cos2, sin2]]
-        });
-        let target = [moduli[(0, 0)], moduli[(1, 1)], moduli[(0, 1)]];
-        let factors = solve(matrix, &target)?;
-        let bonds = ShearBonds {
-            factors: [factors[0], factors[1], factors[2]],
-        };
-        let mut all = family.bonds.iter();
-        all.all(|bond| bonds.of(bond.direction) >= 0.0)
-            .then_some(bonds)
-    }
-
-    /// Stiffness of a bond whose projection runs along a unit vector.
-    #[inline(always)]
-    pub(super) fn of(&self, direction: [f64; 2]) -> f64 {
-        let waves = waves([1.0, 0.0], direction);
-        (1..3).fold(self.factors[0], |sum, n| sum + self.factors[n] * waves[n])
-    }
-}
-
-/// The symmetric tensor in the plane with these values along and across the fibres.
-pub(super) fn turned(fibre: [f64; 2], [along, across]: [f64; 2]) -> Matrix2<f64> {
-    let [c, s] = fibre;
-    Matrix2::new(
-        along * c * c + across * s * s,
-        (along - across) * c * s,
-        (along - across) * c * s,
-        along * s * s + across * c * c,
-    )
-}
-
 #[cfg(test)]
 mod tests {
-    use perimelt_core::{Correction, Horizon};
+    use nalgebra::Matrix2;
+    use perimelt_core::{Correction, FamilySpec, Horizon};
 
     use super::*;
+    use crate::plies::{TensorBonds, turned};
 
     /// Graphite/epoxy and glass/epoxy of [Gao2020], chapter 4.
     const PLIES: [PlyStiffness; 2] = [
@@ -433,7 +292,7 @@ mod tests {
         let family = family(3.0);
         let (sin, cos) = 30_f64.to_radians().sin_cos();
         let moduli = turned([cos, sin], [3e9, 2e9]);
-        let bonds = ShearBonds::new(&family, &moduli).expect("bonds");
+        let bonds = TensorBonds::new(&family, &moduli).expect("bonds");
         let mut sum = Matrix2::zeros();
         for bond in &family.bonds {
             let n = nalgebra::Vector2::from(bond.direction);
@@ -441,6 +300,6 @@ mod tests {
         }
         assert!((sum - moduli).norm() < 1e-12 * moduli.norm());
         // more than a factor of three
-        assert!(ShearBonds::new(&family, &turned([1.0, 0.0], [7e9, 2e9])).is_none());
+        assert!(TensorBonds::new(&family, &turned([1.0, 0.0], [7e9, 2e9])).is_none());
     }
 }

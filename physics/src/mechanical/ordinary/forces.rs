@@ -182,7 +182,7 @@ impl<L: BondForce> Ordinary<L> {
         let (inputs, finite) = (&self.inputs, self.base.elastic.finite);
         let (vectors, _) = out.as_chunks_mut::<3>();
         let sums = (vectors, &mut fracture.excess[..]);
-        let broken = Some(&fracture.state.broken);
+        let broken = Some(&fracture.state.broken[0]);
         let law = self.law;
         specialise!(FINITE = finite, ENERGY = energy => {
             let kernel = Breaking::<D, FINITE, _, ENERGY>(law);
@@ -198,7 +198,7 @@ impl<L: BondForce> Ordinary<L> {
         let Some(fracture) = &mut self.base.fracture else {
             return;
         };
-        let broken = Some(&fracture.state.broken);
+        let broken = Some(&fracture.state.broken[0]);
         self.inputs
             .sum_with_strain(kernel, broken, &mut self.base.energy);
         let excess = fracture.excess.iter_mut().zip(&self.base.energy);

@@ -1,0 +1,109 @@
+//! Bonds beyond their limits, and how they break.
+
+use perimelt_core::family::BrokenBonds;
+use perimelt_core::{Bond, Family};
+
+/// A bond beyond its limit.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Exceeding {
+    /// Load over limit.
+    pub(super) ratio: f64,
+    /// The set of bonds that it belongs to.
+    pub(super) set: usize,
+    /// Its point.
+    pub(super) point: usize,
+    /// The slot of its other end.
+    pub(super) slot: usize,
+}
+
+impl Exceeding {
+    /// Adds the unbroken bonds of `points` beyond their limit to `found`; `ratio` is the load over the limit of a bond of a point, by its
+    /// number there, with a slot.
+    pub(super) fn find(
+        (set, family, broken): (usize, &Family, &BrokenBonds),
+        points: impl Iterator<Item = usize>,
+        ratio: impl Fn(usize, usize, &Bond, usize) -> f64,
+        found: &mut Vec<Exceeding>,
+    ) {
+        for point in points {
+            family.for_each_bond(point, |number, bond, slot| {
+                if !broken.is_broken(point, number) {
+                    let ratio = ratio(point, number, bond, slot);
+                    if ratio >= 1.0 {
+                        found.push(Exceeding {
+                            ratio,
+                            set,
+                            point,
+                            slot,
+                        });
+                    }
+                }
+            });
+        }
+    }
+
+    /// Keeps those with at least `fraction` of the largest load.
+    pub(super) fn keep_largest(found: &mut Vec<Exceeding>, fraction: f64) {
+        let largest = found.iter().map(|e| e.ratio).fold(0.0, f64::max);
+        found.retain(|e| e.ratio >= fraction * largest);
+    }
+
+    /// Breaks both directions of the bond, and passes each that was intact to `on_break`: its point, the bond, the slot of the other end. The
+    /// pair of points, the smaller one first, if there are two and one direction was intact.
+    pub(super) fn break_bond(
+        &self,
+        family: &Family,
+        broken: &mut BrokenBonds,
+        mut on_break: impl FnMut(usize, &Bond, usize),
+    ) -> Option<[u32; 2]> {
+        let Exceeding { point, slot, .. } = *self;
+        let mut is_new = break_direction(family, broken, [point, slot], &mut on_break);
+        let other = family.point_in(slot)?;
+        // by rounding, only one end may have exceeded the limit
+        is_new |= break_direction(
+            family,
+            broken,
+            [other, family.slot_of(point)],
+            &mut on_break,
+        );
+        is_new.then(|| [point.min(other) as u32, point.max(other) as u32])
+    }
+}
+
+/// Breaks the bonds of a point with a slot; whether one was intact.
+fn break_direction(
+    family: &Family,
+    broken: &mut BrokenBonds,
+    [point, slot]: [usize; 2],
+    on_break: &mut impl FnMut(usize, &Bond, usize),
+) -> bool {
+    let mut was_intact = false;
+    family.for_each_bond(point, |number, bond, other| {
+        if other == slot && !broken.is_broken(point, number) {
+            broken.break_bond(point, number);
+            on_break(point, bond, other);
+            was_intact = true;
+        }
+    });
+    was_intact
+}
+
+/// All pairs of points that lost their bond, the smaller one first.
+pub(super) fn broken_pairs<'a>(
+    family: &'a Family,
+    broken: &'a BrokenBonds,
+) -> impl Iterator<Item = [usize; 2]> + 'a {
+    let lost = (0..family.points()).filter(|p| broken.of(*p) > 0);
+    lost.flat_map(|point| {
+        let mut pairs = Vec::new();
+        family.for_each_bond(point, |number, _, slot| {
+            if broken.is_broken(point, number)
+                && let Some(other) = family.point_in(slot)
+                && other > point
+            {
+                pairs.push([point, other]);
+            }
+        });
+        pairs
+    })
+}

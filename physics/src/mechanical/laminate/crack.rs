@@ -1,0 +1,75 @@
+//! Limits of the bonds of plies from the energy of the bonds that a plane cuts.
+//!
+//! A plane along the fibres opens by `D`, and each bond that crosses it breaks once its stretch `D cos / |xi|` reaches the limit s.
+//! What the bonds dissipate per area is `s^2 K` with
+//!
+//! ```text
+//! K = 1/2 sum |xi| cos w |xi| C  +  sum over breaks of the fall of  2 integral a theta(y)^2 dy
+//! ```
+//!
+//! over the bonds of a complete family that cross the plane from one side: `|xi| cos` is the depth from which points reach across, y the depth of
+//! a point, theta its dilatation by the bonds that cross and are whole, per limit. On a lattice y runs over rows, whose distance the integral,
+//! constant between the depths of bonds, takes into account. The limit is `sqrt(G / K)`: exact for the discrete bonds.
+
+use super::weights::PlyBonds;
+use crate::plies::{CompleteFamily, CrossingBond, TensorBonds};
+
+/// Openings of bonds that differ by less are the same.
+const ROUNDING: f64 = 1e-9;
+
+/// `K` of a ply with the dilatation stiffness a, Pa m: fracture energy over the square of the limit of the stretch.
+pub(super) fn energy_along_fibres(
+    family: &CompleteFamily,
+    bonds: &PlyBonds,
+    dilatation: f64,
+) -> f64 {
+    let [x, y] = bonds.fibre;
+    let mut crossing = family.crossing([-y, x]);
+    let breaks_at = |bond: &CrossingBond<'_>| bond.length / bond.cosine;
+    crossing.sort_by(|a, b| breaks_at(a).total_cmp(&breaks_at(b)));
+    let of_bond = |bond: &CrossingBond<'_>| {
+        0.5 * bond.length * bond.cosine * bond.moment * bonds.matrix(*bond.direction)
+    };
+    let mut energy: f64 = crossing.iter().map(of_bond).sum();
+    let mut rest = &crossing[..];
+    while let Some(first) = rest.first() {
+        let opening = breaks_at(first);
+        let together = |bond: &CrossingBond<'_>| breaks_at(bond) <= (1.0 + ROUNDING) * opening;
+        let after = &rest[rest.partition_point(together)..];
+        let fall = square_of_dilatation(rest) - square_of_dilatation(after);
+        energy += 2.0 * dilatation * opening * opening * fall;
+        rest = after;
+    }
+    energy
+}
+
+/// Integral of the square of theta over the depth, per square of the opening, 1/m.
+fn square_of_dilatation(bonds: &[CrossingBond<'_>]) -> f64 {
+    let depth = |bond: &CrossingBond<'_>| bond.length * bond.cosine;
+    let mut sorted: Vec<_> = bonds.iter().collect();
+    sorted.sort_by(|a, b| depth(b).total_cmp(&depth(a)));
+    let (mut theta, mut integral) = (0.0_f64, 0.0);
+    for (number, bond) in sorted.iter().enumerate() {
+        theta += bond.moment * bond.cosine / bond.length;
+        let next = sorted.get(number + 1).map_or(0.0, |next| depth(next));
+        integral += theta * theta * (depth(bond) - next);
+    }
+    integral
+}
+
+/// Limit of the shear angle of crossing bonds over the distance `d` (m) for a fracture energy (J/m²): each breaks by itself once its angle
+/// reaches the limit, `G = d/4 sum_j w |xi| g phi^2`.
+pub(super) fn shear_limit(
+    family: &CompleteFamily,
+    bonds: &TensorBonds,
+    distance: f64,
+    energy: f64,
+) -> f64 {
+    let sum = family.sum_of(|direction| bonds.of(direction));
+    (4.0 * energy / (distance * sum)).sqrt()
+}
+
+/// Limit of the stretch across an interface of the modulus E (Pa) over the distance `d` (m): `G = 1/2 E d s^2`.
+pub(super) fn opening_limit(modulus: f64, distance: f64, energy: f64) -> f64 {
+    (2.0 * energy / (modulus * distance)).sqrt()
+}

@@ -1,0 +1,470 @@
+//! Broken bonds of a laminate, by the way in which they broke, and the bonds that break next.
+//!
+//! Each layer has two sets of bonds: those of the matrix, to which the dilatation belongs, and those of the fibres. Each interface has two: bonds
+//! across, and pairs of crossing bonds. Every set has limits and broken bonds of its own.
+
+use perimelt_core::Family;
+use perimelt_core::body::Layers;
+use perimelt_core::family::{BrokenBonds, Mirrored};
+use perimelt_core::{Bond, SlotField};
+
+use super::Laminate;
+use super::LayerSolid;
+use super::crack::{energy_along_fibres, opening_limit, shear_limit};
+use super::force::displacements;
+use super::interface::Interface;
+use super::kernels::{Excess, InterfaceExcess, LOAD_INPUTS, SHEAR_INPUTS, StretchLimits};
+use super::law::PlyConstants;
+use super::strength::PlyStrength;
+use crate::mechanical::exceeding::{Exceeding, broken_pairs};
+use crate::mechanical::fracture::{FractureState, NewBreaks};
+use crate::mechanical::solid::FailureMode;
+use crate::mechanical::specialise::specialise;
+use crate::plies::{CompleteFamily, is_along, plane_direction};
+
+/// The ways in which bonds break.
+const MODES: [&str; 4] = ["fibre", "matrix", "opening", "sliding"];
+
+/// Which bonds a set has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum BondSet {
+    /// Of a layer.
+    Matrix(usize),
+    /// Of a layer.
+    Fibres(usize),
+    /// Of an interface, one for each point.
+    Opening(usize),
+    /// Of an interface.
+    Sliding(usize),
+}
+
+/// Limits and broken bonds of a laminate.
+#[derive(Debug)]
+pub(super) struct Failure {
+    /// The sets in the order of [`BondSet`], by layer or interface.
+    pub(super) state: FractureState,
+    layers: usize,
+    /// Of a layer.
+    points: usize,
+    /// By set; only the stretch in tension counts at openings, and the angle in its place at sliding.
+    limits: Vec<StretchLimits>,
+    /// Unit vectors along the fibres that have bonds of their own, by layer.
+    fibres: Vec<Option<[f64; 2]>>,
+    /// Factor of the limits, infinite where bonds never break, by point of the body.
+    factor: Vec<f64>,
+    /// The same by slot of the plane and layer.
+    factors: Vec<SlotField>,
+    /// Whether bonds of a set broke.
+    has_broken: Vec<bool>,
+    /// By mode and point of the body.
+    damage: [Vec<f64>; 4],
+}
+
+impl Failure {
+    pub(super) fn new(
+        (layers, plane): (&Layers, &Family),
+        complete: &CompleteFamily,
+        constants: &PlyConstants,
+        (solids, interfaces): (&[LayerSolid], &[Interface]),
+        strength: &PlyStrength,
+    ) -> Self {
+        let points = layers.points_of_layer();
+        let limits = |tension: f64, compression: f64, along| StretchLimits {
+            tension,
+            compression,
+            along,
+        };
+        let never = f64::INFINITY;
+        let matrix = solids.iter().map(|layer| {
+            let energy = energy_along_fibres(complete, &layer.bonds, layer.dilatation);
+            let stretch = match strength.critical_stretch.is_finite() {
+                true => strength.critical_stretch,
+                false => (strength.fracture_energy / energy).sqrt(),
+            };
+            limits(stretch, never, None)
+        });
+        let of_fibres = |layer: &LayerSolid| layer.bonds.has_fibres().then_some(layer.bonds.fibre);
+        let fibres: Vec<Option<[f64; 2]>> = solids.iter().map(of_fibres).collect();
+        let [tension, compression] = strength.fibres.map(|s| s / constants.ply.moduli[0]);
+        let opening = interfaces.iter().map(|interface| {
+            let distance = interface.crossing.distance;
+            let energy = strength.fracture_energy;
+            limits(
+                opening_limit(interface.modulus, distance, energy),
+                never,
+                None,
+            )
+        });
+        let sliding = interfaces.iter().map(|interface| {
+            let crossing = &interface.crossing;
+            let energy = strength.shear_fracture_energy;
+            let angle = shear_limit(complete, &crossing.bonds, crossing.distance, energy);
+            limits(angle, never, None)
+        });
+        let along = fibres
+            .iter()
+            .map(|fibre| limits(tension, compression, *fibre));
+        let limits: Vec<StretchLimits> =
+            matrix.chain(along).chain(opening).chain(sliding).collect();
+        let factor = strength.unbreakable.iter();
+        let factor: Vec<f64> = factor
+            .map(|&never| if never { f64::INFINITY } else { 1.0 })
+            .collect();
+        let factors = factor.chunks(points).map(|factor| {
+            let mut slots = SlotField::default();
+            slots.load(plane, factor, Mirrored::Scalar);
+            slots
+        });
+        let in_layers = (0..2 * solids.len()).map(|_| plane.unbroken());
+        let across = interfaces.iter().map(|_| BrokenBonds::none(points, 1));
+        let sheared = interfaces.iter().map(|_| plane.unbroken());
+        let broken: Vec<BrokenBonds> = in_layers.chain(across).chain(sheared).collect();
+        Failure {
+            has_broken: vec![false; broken.len()],
+            state: FractureState {
+                broken,
+                frozen: Vec::new(),
+            },
+            layers: solids.len(),
+            points,
+            limits,
+            fibres,
+            factors: factors.collect(),
+            damage: std::array::from_fn(|_| vec![0.0; factor.len()]),
+            factor,
+        }
+    }
+
+    fn interfaces(&self) -> usize {
+        self.layers - 1
+    }
+
+    fn number(&self, set: BondSet) -> usize {
+        match set {
+            BondSet::Matrix(layer) => layer,
+            BondSet::Fibres(layer) => self.layers + layer,
+            BondSet::Opening(interface) => 2 * self.layers + interface,
+            BondSet::Sliding(interface) => 2 * self.layers + self.interfaces() + interface,
+        }
+    }
+
+    fn set(&self, number: usize) -> BondSet {
+        match number / self.layers {
+            0 => BondSet::Matrix(number),
+            1 => BondSet::Fibres(number - self.layers),
+            _ => match number - 2 * self.layers {
+                interface if interface < self.interfaces() => BondSet::Opening(interface),
+                number => BondSet::Sliding(number - self.interfaces()),
+            },
+        }
+    }
+
+    fn broken(&self, set: BondSet) -> &BrokenBonds {
+        &self.state.broken[self.number(set)]
+    }
+
+    /// Broken bonds of matrix and fibres of a layer; `None` before the first one breaks.
+    pub(super) fn of_layer(&self, layer: usize) -> Option<[&BrokenBonds; 2]> {
+        let sets = [BondSet::Matrix(layer), BondSet::Fibres(layer)];
+        let is_broken = sets.iter().any(|set| self.has_broken[self.number(*set)]);
+        is_broken.then(|| sets.map(|set| self.broken(set)))
+    }
+
+    /// Broken pairs of crossing bonds of an interface.
+    pub(super) fn of_interface(&self, interface: usize) -> &BrokenBonds {
+        self.broken(BondSet::Sliding(interface))
+    }
+
+    /// Whether the bond of a point of the plane across an interface broke.
+    pub(super) fn is_open(&self, interface: usize, point: usize) -> bool {
+        self.broken(BondSet::Opening(interface)).of(point) > 0
+    }
+
+    /// Whether a point of the body has lost bonds.
+    pub(super) fn has_damage(&self, point: usize) -> bool {
+        self.damage.iter().any(|damage| damage[point] > 0.0)
+    }
+
+    /// Replaces the broken bonds; those before.
+    pub(super) fn replace(&mut self, plane: &Family, state: FractureState) -> FractureState {
+        let before = std::mem::replace(&mut self.state, state);
+        for (has_broken, broken) in self.has_broken.iter_mut().zip(&self.state.broken) {
+            *has_broken = broken.total() > 0;
+        }
+        for point in 0..self.factor.len() {
+            self.load_damage(plane, point);
+        }
+        before
+    }
+
+    /// Evaluates the damage of a point of the body from its broken bonds, always in the same order.
+    fn load_damage(&mut self, plane: &Family, point: usize) {
+        let (layer, number) = (point / self.points, point % self.points);
+        let lost = |set: BondSet, along| lost_fraction(plane, self.broken(set), number, along);
+        let beside = [
+            layer.checked_sub(1),
+            (layer < self.interfaces()).then_some(layer),
+        ];
+        let mean = |of: &dyn Fn(usize) -> f64| {
+            let (sum, count) = (beside.iter().flatten()).fold((0.0, 0.0_f64), |(sum, count), i| {
+                (sum + of(*i), count + 1.0)
+            });
+            sum / count.max(1.0)
+        };
+        let fibre = self.fibres[layer].map(|along| lost(BondSet::Fibres(layer), Some(along)));
+        let damage = [
+            fibre.unwrap_or(0.0),
+            lost(BondSet::Matrix(layer), None),
+            mean(&|interface| f64::from(u8::from(self.is_open(interface, number)))),
+            mean(&|interface| lost(BondSet::Sliding(interface), None)),
+        ];
+        for (field, value) in self.damage.iter_mut().zip(damage) {
+            field[point] = value;
+        }
+    }
+
+    /// Whether the bond of a point of the plane with a slot has lost all of its parts in a layer.
+    fn is_gone(&self, plane: &Family, layer: usize, [point, slot]: [usize; 2]) -> bool {
+        let [matrix, fibres] =
+            [BondSet::Matrix(layer), BondSet::Fibres(layer)].map(|set| self.broken(set));
+        let mut is_gone = false;
+        plane.for_each_bond(point, |number, bond, other| {
+            if other == slot {
+                let along = self.fibres[layer];
+                let has_fibre = along.is_some_and(|along| is_along(along, plane_direction(bond)));
+                is_gone = matrix.is_broken(point, number)
+                    && (!has_fibre || fibres.is_broken(point, number));
+            }
+        });
+        is_gone
+    }
+
+    /// Two points of a plane as points of the body.
+    fn pair(&self, layers: [usize; 2], points: [usize; 2]) -> [u32; 2] {
+        [0, 1].map(|end| (layers[end] * self.points + points[end]) as u32)
+    }
+
+    pub(super) fn broken_pairs(&self, plane: &Family) -> Vec<[u32; 2]> {
+        let in_layer = |layer: usize| {
+            let pairs = broken_pairs(plane, self.broken(BondSet::Matrix(layer)));
+            let gone = move |[point, other]: &[usize; 2]| {
+                self.is_gone(plane, layer, [*point, plane.slot_of(*other)])
+            };
+            pairs
+                .filter(gone)
+                .map(move |pair| self.pair([layer; 2], pair))
+        };
+        let across = |interface: usize| {
+            let open = (0..self.points).filter(move |point| self.is_open(interface, *point));
+            open.map(move |point| self.pair([interface, interface + 1], [point; 2]))
+        };
+        let in_layers = (0..self.layers).flat_map(in_layer);
+        in_layers
+            .chain((0..self.interfaces()).flat_map(across))
+            .collect()
+    }
+
+    pub(super) fn modes(&self) -> Vec<FailureMode<'_>> {
+        let mut broken = [0.0; 4];
+        for (number, bonds) in self.state.broken.iter().enumerate() {
+            let total = bonds.total() as f64;
+            match self.set(number) {
+                BondSet::Fibres(_) => broken[0] += 0.5 * total,
+                BondSet::Matrix(_) => broken[1] += 0.5 * total,
+                BondSet::Opening(_) => broken[2] += total,
+                BondSet::Sliding(_) => broken[3] += 0.5 * total,
+            }
+        }
+        let modes = MODES.iter().zip(broken).zip(&self.damage);
+        modes
+            .map(|((name, broken), damage)| FailureMode {
+                name,
+                broken,
+                damage,
+            })
+            .collect()
+    }
+
+    /// Breaks bonds, and adds the damage of their points to `damage`.
+    fn break_all(
+        &mut self,
+        plane: &Family,
+        found: &[Exceeding],
+        damage: &mut [f64],
+    ) -> Vec<[u32; 2]> {
+        let mut pairs = Vec::new();
+        let mut touched = Vec::new();
+        for bond in found {
+            let set = self.set(bond.set);
+            self.has_broken[bond.set] = true;
+            let broken = &mut self.state.broken[bond.set];
+            match set {
+                BondSet::Opening(interface) => {
+                    broken.break_bond(bond.point, 0);
+                    let pair = self.pair([interface, interface + 1], [bond.point; 2]);
+                    touched.extend(pair);
+                    pairs.push(pair);
+                }
+                BondSet::Sliding(interface) => {
+                    bond.break_bond(plane, broken, |point, _, _| {
+                        let layers = [interface, interface + 1];
+                        touched.extend(layers.map(|l| (l * self.points + point) as u32));
+                    });
+                }
+                BondSet::Matrix(layer) | BondSet::Fibres(layer) => {
+                    let pair = bond.break_bond(plane, broken, |point, _, _| {
+                        touched.push((layer * self.points + point) as u32);
+                    });
+                    let ends = [bond.point, bond.slot];
+                    if let Some(pair) = pair.filter(|_| self.is_gone(plane, layer, ends)) {
+                        pairs.push(self.pair([layer; 2], pair.map(|point| point as usize)));
+                    }
+                }
+            }
+        }
+        touched.sort_unstable();
+        touched.dedup();
+        for point in touched.into_iter().map(|point| point as usize) {
+            self.load_damage(plane, point);
+            let modes = self.damage.iter().map(|mode| mode[point]);
+            damage[point] = modes.fold(damage[point], f64::max);
+        }
+        pairs
+    }
+}
+
+/// Fraction of the weight of its bonds, or of those along a direction, that a point lost.
+fn lost_fraction(
+    plane: &Family,
+    broken: &BrokenBonds,
+    point: usize,
+    along: Option<[f64; 2]>,
+) -> f64 {
+    if broken.of(point) == 0 {
+        return 0.0;
+    }
+    let (mut lost, mut total) = (0.0, 0.0);
+    plane.for_each_bond(point, |number, bond, _| {
+        if along.is_none_or(|along| is_along(along, plane_direction(bond))) {
+            total += bond.weight;
+            if broken.is_broken(point, number) {
+                lost += bond.weight;
+            }
+        }
+    });
+    lost / total
+}
+
+impl Laminate {
+    /// Breaks the bonds beyond their limits whose load is at least `fraction` of the largest, in the displacement that was set.
+    pub(super) fn break_exceeding(&mut self, fraction: f64, damage: &mut [f64]) -> NewBreaks {
+        let Some(mut failure) = self.failure.take() else {
+            return NewBreaks::default();
+        };
+        let mut found = Vec::new();
+        for layer in 0..self.layers.len() {
+            let has_fibres = failure.fibres[layer].is_some();
+            let sets = [BondSet::Matrix(layer), BondSet::Fibres(layer)];
+            for set in &sets[..1 + usize::from(has_fibres)] {
+                self.find_in_layer(&failure, (layer, failure.number(*set)), &mut found);
+            }
+        }
+        for interface in 0..self.interfaces.len() {
+            self.find_open(&failure, interface, &mut found);
+            self.find_sliding(&failure, interface, &mut found);
+        }
+        Exceeding::keep_largest(&mut found, fraction);
+        if !found.is_empty() {
+            self.blocks.clear();
+        }
+        let pairs = failure.break_all(&self.plane, &found, damage);
+        self.failure = Some(failure);
+        NewBreaks {
+            pairs,
+            any: !found.is_empty(),
+        }
+    }
+
+    /// Bonds of a set of a layer beyond their limit.
+    fn find_in_layer(
+        &mut self,
+        failure: &Failure,
+        (layer, set): (usize, usize),
+        found: &mut Vec<Exceeding>,
+    ) {
+        let limits = failure.limits[set];
+        if limits.tension == f64::INFINITY && limits.compression == f64::INFINITY {
+            return;
+        }
+        let own = self.layers[layer].inputs(true, &self.zeros);
+        let inputs: [&[f64]; LOAD_INPUTS] =
+            std::array::from_fn(|n| own.get(n).copied().unwrap_or(&failure.factors[layer]));
+        let (plane, excess) = (&*self.plane, &mut self.work.scalars);
+        let broken = &failure.state.broken[set];
+        specialise!(FINITE = self.base.is_finite() => {
+            let kernel = Excess::<FINITE>(limits);
+            plane.sum_unbroken(&kernel, inputs, Some(broken), excess);
+            let ratio = |point: usize, _: usize, bond: &Bond, slot: usize| {
+                let [own, other] = [plane.slot_of(point), slot].map(|slot| inputs.map(|i| i[slot]));
+                kernel.ratio(bond, &own, &other)
+            };
+            Exceeding::find((set, plane, broken), exceeding(excess), ratio, found);
+        });
+    }
+
+    /// Bonds across an interface beyond their limit.
+    fn find_open(&self, failure: &Failure, interface: usize, found: &mut Vec<Exceeding>) {
+        let set = failure.number(BondSet::Opening(interface));
+        let limit = failure.limits[set].tension;
+        let points = self.points_of_layer();
+        let strained = self.strained();
+        for point in (0..points).filter(|point| !failure.is_open(interface, *point)) {
+            let both = [interface, interface + 1].map(|layer| layer * points + point);
+            let (stretch, _) = self.interfaces[interface].across(
+                strained,
+                both.map(|p| self.displacement[p]),
+                both.map(|p| self.strain[p][2]),
+            );
+            let [lower, upper] = both.map(|p| failure.factor[p]);
+            let ratio = stretch / (limit * 0.5 * (lower + upper));
+            if ratio >= 1.0 {
+                found.push(Exceeding {
+                    ratio,
+                    set,
+                    point,
+                    slot: self.plane.slot_of(point),
+                });
+            }
+        }
+    }
+
+    /// Pairs of crossing bonds of an interface beyond their limit.
+    fn find_sliding(&mut self, failure: &Failure, interface: usize, found: &mut Vec<Exceeding>) {
+        let set = failure.number(BondSet::Sliding(interface));
+        let [lower, upper] = [interface, interface + 1];
+        let own = displacements(&self.layers[lower], &self.layers[upper]);
+        let inputs: [&[f64]; SHEAR_INPUTS] = std::array::from_fn(|n| match own.get(n) {
+            Some(displacement) => *displacement,
+            None => &failure.factors[interface + n - own.len()],
+        });
+        let crossing = self.interfaces[interface].crossing;
+        let limit = failure.limits[set].tension;
+        let (plane, excess) = (&*self.plane, &mut self.work.scalars);
+        let broken = &failure.state.broken[set];
+        specialise!(FINITE = self.base.is_finite() => {
+            let kernel = InterfaceExcess::<FINITE> { crossing, limit };
+            plane.sum_unbroken(&kernel, inputs, Some(broken), excess);
+            let ratio = |point: usize, _: usize, bond: &Bond, slot: usize| {
+                let [own, other] = [plane.slot_of(point), slot].map(|slot| inputs.map(|i| i[slot]));
+                kernel.ratio(bond, &own, &other)
+            };
+            Exceeding::find((set, plane, broken), exceeding(excess), ratio, found);
+        });
+    }
+}
+
+/// Points with an excess.
+fn exceeding(excess: &[[f64; 1]]) -> impl Iterator<Item = usize> + '_ {
+    let points = excess.iter().enumerate();
+    points.filter(|(_, [e])| *e > 0.0).map(|(point, _)| point)
+}
