@@ -16,15 +16,29 @@ pub(super) struct Exceeding {
     pub(super) slot: usize,
 }
 
-impl Exceeding {
+/// A set of bonds that may break.
+#[derive(Clone, Copy)]
+pub(super) struct Breakable<'a> {
+    /// Number of the set.
+    pub(super) set: usize,
+    pub(super) family: &'a Family,
+    pub(super) broken: &'a BrokenBonds,
+}
+
+impl Breakable<'_> {
     /// Adds the unbroken bonds of `points` beyond their limit to `found`; `ratio` is the load over the limit of a bond of a point, by its
     /// number there, with a slot.
-    pub(super) fn find(
-        (set, family, broken): (usize, &Family, &BrokenBonds),
+    pub(super) fn find_exceeding(
+        self,
         points: impl Iterator<Item = usize>,
         ratio: impl Fn(usize, usize, &Bond, usize) -> f64,
         found: &mut Vec<Exceeding>,
     ) {
+        let Breakable {
+            set,
+            family,
+            broken,
+        } = self;
         for point in points {
             family.for_each_bond(point, |number, bond, slot| {
                 if !broken.is_broken(point, number) {
@@ -41,7 +55,9 @@ impl Exceeding {
             });
         }
     }
+}
 
+impl Exceeding {
     /// Keeps those with at least `fraction` of the largest load.
     pub(super) fn keep_largest(found: &mut Vec<Exceeding>, fraction: f64) {
         let largest = found.iter().map(|e| e.ratio).fold(0.0, f64::max);

@@ -26,7 +26,7 @@ use perimelt_core::{Body, Bond, Family, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::exceeding::{Exceeding, broken_pairs};
+use super::exceeding::{Breakable, Exceeding, broken_pairs};
 use super::interfaces::{Crossings, Interfaces, Limit, OneOrMany};
 use super::moduli::Moduli;
 use super::stretch::TotalWeight;
@@ -379,7 +379,12 @@ impl Fracture {
             self.crossings.factor(point, number) * ratio(bond, family.slot_of(point), slot)
         };
         let mut exceeding = Vec::new();
-        Exceeding::find((0, family, self.broken()), points, ratio, &mut exceeding);
+        let breakable = Breakable {
+            set: 0,
+            family,
+            broken: self.broken(),
+        };
+        breakable.find_exceeding(points, ratio, &mut exceeding);
         Exceeding::keep_largest(&mut exceeding, fraction);
         let FractureState { broken, frozen } = &mut self.state;
         let weight = &self.weight;

@@ -357,6 +357,26 @@ mod tests {
         }
     }
 
+    /// Where the tension falls with the temperature, the force along a plane interface points to the cold side and adds up to
+    /// `dgamma/dT grad T` over the rows of both sides.
+    #[test]
+    fn a_gradient_of_the_temperature_pulls_along_the_interface() {
+        let n = 20;
+        let (body, pddo, mut surface) = square(n, |x| x.y < 0.5, Vec::new());
+        surface.tension = TensionLaw::linear(1.0, 300.0, -0.02);
+        let position = &body.points.position;
+        let temperature: Vec<f64> = position.iter().map(|x| 300.0 + 7.0 * x.x).collect();
+        let mut work = Derivatives::default();
+        surface.find(&pddo, &mut work, position, Some(&temperature));
+        let mean = 0.5 * (DENSITY[0] + DENSITY[1]);
+        let rows = (0..n).map(|row| mean * surface.acceleration[row * n + n / 2] / n as f64);
+        let sum: Vector3<f64> = rows.sum();
+        assert!(
+            (sum - Vector3::new(-0.02 * 7.0, 0.0, 0.0)).norm() < 1e-10,
+            "{sum}"
+        );
+    }
+
     /// A jump of the pressure by tension times curvature balances the force at a plane interface at any ratio of densities.
     #[test]
     fn a_jump_of_the_pressure_balances_the_force() {

@@ -16,7 +16,7 @@ use super::interface::Interface;
 use super::kernels::{Excess, InterfaceExcess, LOAD_INPUTS, SHEAR_INPUTS, StretchLimits};
 use super::law::PlyConstants;
 use super::strength::PlyStrength;
-use crate::mechanical::exceeding::{Exceeding, broken_pairs};
+use crate::mechanical::exceeding::{Breakable, Exceeding, broken_pairs};
 use crate::mechanical::fracture::{FractureState, NewBreaks};
 use crate::mechanical::solid::FailureMode;
 use crate::mechanical::specialise::specialise;
@@ -60,14 +60,28 @@ pub(super) struct Failure {
     damage: [Vec<f64>; 4],
 }
 
+/// What a laminate consists of.
+pub(super) struct LaminateParts<'a> {
+    pub(super) layers: &'a Layers,
+    pub(super) plane: &'a Family,
+    pub(super) complete: &'a CompleteFamily,
+    pub(super) solids: &'a [LayerSolid],
+    pub(super) interfaces: &'a [Interface],
+}
+
 impl Failure {
     pub(super) fn new(
-        (layers, plane): (&Layers, &Family),
-        complete: &CompleteFamily,
+        parts: &LaminateParts<'_>,
         constants: &PlyConstants,
-        (solids, interfaces): (&[LayerSolid], &[Interface]),
         strength: &PlyStrength,
     ) -> Self {
+        let LaminateParts {
+            layers,
+            plane,
+            complete,
+            solids,
+            interfaces,
+        } = *parts;
         let points = layers.points_of_layer();
         let limits = |tension: f64, compression: f64, along| StretchLimits {
             tension,
@@ -366,7 +380,7 @@ impl Laminate {
             let has_fibres = failure.fibres[layer].is_some();
             let sets = [BondSet::Matrix(layer), BondSet::Fibres(layer)];
             for set in &sets[..1 + usize::from(has_fibres)] {
-                self.find_in_layer(&failure, (layer, failure.number(*set)), &mut found);
+                self.find_in_layer(&failure, layer, failure.number(*set), &mut found);
             }
         }
         for interface in 0..self.interfaces.len() {
@@ -389,7 +403,8 @@ impl Laminate {
     fn find_in_layer(
         &mut self,
         failure: &Failure,
-        (layer, set): (usize, usize),
+        layer: usize,
+        set: usize,
         found: &mut Vec<Exceeding>,
     ) {
         let limits = failure.limits[set];
@@ -400,15 +415,19 @@ impl Laminate {
         let inputs: [&[f64]; LOAD_INPUTS] =
             std::array::from_fn(|n| own.get(n).copied().unwrap_or(&failure.factors[layer]));
         let (plane, excess) = (&*self.plane, &mut self.work.scalars);
-        let broken = &failure.state.broken[set];
+        let breakable = Breakable {
+            set,
+            family: plane,
+            broken: &failure.state.broken[set],
+        };
         specialise!(FINITE = self.base.is_finite() => {
             let kernel = Excess::<FINITE>(limits);
-            plane.sum_unbroken(&kernel, inputs, Some(broken), excess);
+            plane.sum_unbroken(&kernel, inputs, Some(breakable.broken), excess);
             let ratio = |point: usize, _: usize, bond: &Bond, slot: usize| {
                 let [own, other] = [plane.slot_of(point), slot].map(|slot| inputs.map(|i| i[slot]));
                 kernel.ratio(bond, &own, &other)
             };
-            Exceeding::find((set, plane, broken), exceeding(excess), ratio, found);
+            breakable.find_exceeding(exceeding(excess), ratio, found);
         });
     }
 
@@ -450,15 +469,19 @@ impl Laminate {
         let crossing = self.interfaces[interface].crossing;
         let limit = failure.limits[set].tension;
         let (plane, excess) = (&*self.plane, &mut self.work.scalars);
-        let broken = &failure.state.broken[set];
+        let breakable = Breakable {
+            set,
+            family: plane,
+            broken: &failure.state.broken[set],
+        };
         specialise!(FINITE = self.base.is_finite() => {
             let kernel = InterfaceExcess::<FINITE> { crossing, limit };
-            plane.sum_unbroken(&kernel, inputs, Some(broken), excess);
+            plane.sum_unbroken(&kernel, inputs, Some(breakable.broken), excess);
             let ratio = |point: usize, _: usize, bond: &Bond, slot: usize| {
                 let [own, other] = [plane.slot_of(point), slot].map(|slot| inputs.map(|i| i[slot]));
                 kernel.ratio(bond, &own, &other)
             };
-            Exceeding::find((set, plane, broken), exceeding(excess), ratio, found);
+            breakable.find_exceeding(exceeding(excess), ratio, found);
         });
     }
 }

@@ -33,7 +33,7 @@ use perimelt_core::{Body, Family, SetupError, SlotField, text};
 use super::base::{Properties, SolidBase};
 use super::solid::Constitution;
 use crate::plies::{CompleteFamily, fibre_factors};
-use failure::Failure;
+use failure::{Failure, LaminateParts};
 use interface::Interface;
 use kernels::INPUTS;
 use law::PlyConstants;
@@ -172,8 +172,14 @@ impl Laminate {
             .collect();
         let (solids, interfaces) = (solids?, interfaces?);
         let failure = constitution.failure.as_ref().map(|strength| {
-            let bonds = (&solids[..], &interfaces[..]);
-            Failure::new((layers, &plane), &complete, constants, bonds, strength)
+            let parts = LaminateParts {
+                layers,
+                plane: &plane,
+                complete: &complete,
+                solids: &solids,
+                interfaces: &interfaces,
+            };
+            Failure::new(&parts, constants, strength)
         });
         let properties = Properties {
             bonds_shear: true,
