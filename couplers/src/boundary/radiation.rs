@@ -134,6 +134,11 @@ impl Coupler for Radiation {
 }
 
 impl RunningCoupler for RunningRadiation {
+    /// Stable steps depend on the surroundings at the start of a step, which a resumed run must know, too.
+    fn begin_step(&mut self, _world: &World, time: f64) {
+        self.heat.law().ambient = self.ambient.at(time);
+    }
+
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         self.heat.follow(world);
         let mut law = self.heat.law();
