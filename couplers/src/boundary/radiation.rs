@@ -7,8 +7,8 @@
 use perimelt_core::material::Property;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
-    Coupler, Face, Programme, Report, RunError, RunningCoupler, Setup, SetupError, Step,
-    StepLimits, World, flattened,
+    Coupler, Face, LoadError, Programme, Report, RunError, RunningCoupler, SavedState, Setup,
+    SetupError, Step, StepLimits, World, flattened,
 };
 
 use super::with_programme;
@@ -134,11 +134,6 @@ impl Coupler for Radiation {
 }
 
 impl RunningCoupler for RunningRadiation {
-    /// Stable steps depend on the surroundings at the start of a step, which a resumed run must know, too.
-    fn begin_step(&mut self, _world: &World, time: f64) {
-        self.heat.law().ambient = self.ambient.at(time);
-    }
-
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         self.heat.follow(world);
         let mut law = self.heat.law();
@@ -161,6 +156,16 @@ impl RunningCoupler for RunningRadiation {
 
     fn report(&self) -> Vec<Report> {
         self.heat.report()
+    }
+
+    /// The surroundings of the last step, on which the next stable step depends.
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(self.heat.law().ambient)
+    }
+
+    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
+        self.heat.law().ambient = erased_serde::deserialize(state)?;
+        Ok(())
     }
 }
 
