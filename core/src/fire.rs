@@ -1,7 +1,7 @@
 //! Temperatures of fires, as functions of time for formulas of case files.
 //!
 //! Each is the rise of the gas temperature (K) above that before the fire, at the time t (s) after its start; it is zero
-//! before. With the time in minutes, `m = t / 60` [CEN2002], section 3.2:
+//! before. With the time in minutes, `m = t / 60` \[CEN2002\], section 3.2:
 //!
 //! | function | rise, K |
 //! |---|---|
@@ -40,18 +40,18 @@ fn minutes(time: f64) -> f64 {
     if time < 0.0 { 0.0 } else { time / 60.0 }
 }
 
-/// `345 log10(8 m + 1)` K, m in minutes; [CEN2002], eq. 3.4.
+/// `345 log10(8 m + 1)` K, m in minutes; \[CEN2002\], eq. 3.4.
 fn iso_834(time: f64) -> f64 {
     345.0 * (8.0 * minutes(time) + 1.0).log10()
 }
 
-/// `1080 (1 - 0.325 exp(-0.167 m) - 0.675 exp(-2.5 m))` K, m in minutes; [CEN2002], eq. 3.6.
+/// `1080 (1 - 0.325 exp(-0.167 m) - 0.675 exp(-2.5 m))` K, m in minutes; \[CEN2002\], eq. 3.6.
 fn hydrocarbon(time: f64) -> f64 {
     let m = minutes(time);
     1080.0 * (1.0 - 0.325 * (-0.167 * m).exp() - 0.675 * (-2.5 * m).exp())
 }
 
-/// `660 (1 - 0.687 exp(-0.32 m) - 0.313 exp(-3.8 m))` K, m in minutes; [CEN2002], eq. 3.5.
+/// `660 (1 - 0.687 exp(-0.32 m) - 0.313 exp(-3.8 m))` K, m in minutes; \[CEN2002\], eq. 3.5.
 fn external(time: f64) -> f64 {
     let m = minutes(time);
     660.0 * (1.0 - 0.687 * (-0.32 * m).exp() - 0.313 * (-3.8 * m).exp())
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
     use crate::formula::Formula;
 
-    /// Values of the tables of [CEN2002], °C, at 10, 30 and 60 minutes.
+    /// Values of the tables of \[CEN2002\], °C, at 10, 30 and 60 minutes.
     #[test]
     fn curves_have_the_values_of_the_standard() {
         for (formula, expected) in [

@@ -1,7 +1,7 @@
 //! Shock wave of an underwater explosion on the surface of a body.
 //!
 //! A plane wave of the pressure p_i(t) in free water meets the surface, which reflects it and, as it moves away at the speed w,
-//! radiates a wave of rarefaction into the water [Taylor1941]:
+//! radiates a wave of rarefaction into the water \[Taylor1941\]:
 //!
 //! ```text
 //! p = max(2 p_i(t) - rho c w, p_c)       w = - v . n      Pa

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! with the conductivities k1, k2, k3 of the ply along and across its fibres and through the thickness. F is the fibre increment of
-//! [Gao2020], chapter 4, with the mean of both ends, so that heat is conserved; its row is complete at each point, also at edges. Without a bond
+//! \[Gao2020\], chapter 4, with the mean of both ends, so that heat is conserved; its row is complete at each point, also at edges. Without a bond
 //! along the fibres, and where fibres conduct less than what is between them, C has waves of 2 psi, as long as no bond is negative. Linear
 //! temperatures are in equilibrium, with the exact flux: across plies the parts conduct in series. The published model exchanges heat between plies
 //! over a disc, which is off by the sum over the disc where plies are thinner than the spacing.

@@ -8,7 +8,7 @@
 //! The two bonds of an interface run from the point k in the lower layer to j in the upper one and from j in the lower to k
 //! in the upper one; d is the distance of the layers, xi the projection of the bonds on the plane, L their length. In linear
 //! kinematics `phi = n . (D_k + D_j) / (2 d) + (w_j - w_k) / |xi|` with D the displacement of the upper layer relative to the
-//! lower one and w the mean of both along z: the shear angle along n of [Gao2020], chapter 4, whose length in the denominator is
+//! lower one and w the mean of both along z: the shear angle along n of \[Gao2020\], chapter 4, whose length in the denominator is
 //! L instead of |xi|.
 
 use perimelt_core::{Bond, BondKernel};

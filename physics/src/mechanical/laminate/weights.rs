@@ -51,7 +51,7 @@ impl PlyStiffness {
 }
 
 impl Reduced {
-    /// The part of the dilatation, `a` of [Gao2020], chapter 4: bonds have equal Q12 and Q66.
+    /// The part of the dilatation, `a` of \[Gao2020\], chapter 4: bonds have equal Q12 and Q66.
     pub(super) fn dilatation(&self) -> f64 {
         0.5 * (self.coupling - self.shear)
     }
