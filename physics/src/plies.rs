@@ -2,6 +2,8 @@
 //!
 //! The moments are those of the lattice, so that what follows from them is exact to rounding whatever the horizon.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector, Matrix2};
 use perimelt_core::family::FamilyError;
 use perimelt_core::shape::{BoxShape, Shape};
@@ -225,4 +227,14 @@ pub(crate) fn fibre_factors(
         if sum > 0.0 { target / sum } else { 0.0 }
     };
     (0..plane.points()).map(factor).collect()
+}
+
+/// The family without cracks: corrections beside a crack stay those of the uncut body.
+pub(crate) fn uncut(body: &Body, plane: &Arc<Family>) -> Result<Arc<Family>, FamilyError> {
+    if body.cuts.is_empty() {
+        return Ok(plane.clone());
+    }
+    let mut body = body.clone();
+    body.cuts.clear();
+    Ok(Arc::new(Family::build(&body, plane.spec())?))
 }

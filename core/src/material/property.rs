@@ -396,7 +396,7 @@ impl JsonSchema for Property {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     #[derive(Debug, Deserialize)]
@@ -404,7 +404,7 @@ mod tests {
         k: Property,
     }
 
-    fn read(text: &str) -> Result<Property, toml::de::Error> {
+    pub(in crate::material) fn read(text: &str) -> Result<Property, toml::de::Error> {
         toml::from_str::<Holder>(&format!("k = {text}")).map(|holder| holder.k)
     }
 

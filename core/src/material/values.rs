@@ -112,17 +112,7 @@ impl<'de> Deserialize<'de> for Values {
 
 #[cfg(test)]
 mod tests {
-    use crate::material::Property;
-    use serde::Deserialize;
-
-    #[derive(Debug, Deserialize)]
-    struct Holder {
-        k: Property,
-    }
-
-    fn read(text: &str) -> Result<Property, toml::de::Error> {
-        toml::from_str::<Holder>(&format!("k = {text}")).map(|holder| holder.k)
-    }
+    use crate::material::property::tests::read;
 
     /// Sutherland's law for air: 1.716e-5 Pa s at 273.15 K, 4.152e-5 at 1000 K; held outside of the range.
     #[test]

@@ -1,7 +1,7 @@
 //! Force on the surface of a body, as force per volume on the points behind the faces of cells.
 
 use nalgebra::{Matrix3, Vector3};
-use perimelt_core::body::SurfaceCell;
+use perimelt_core::body::{Points, SurfaceCell};
 use perimelt_core::world::activity::is_active;
 use perimelt_core::world::{BodyIndex, LoadedFaces};
 use perimelt_core::{Setup, SetupError, World, Write, keys};
@@ -34,7 +34,7 @@ impl SurfaceForce {
         &self,
         world: &World,
         cells: &[SurfaceCell],
-        force_on: impl Fn((usize, &SurfaceCell)) -> Vector3<f64>,
+        mut force_on: impl FnMut((usize, &SurfaceCell)) -> Vector3<f64>,
     ) -> Vector3<f64> {
         let points = &world.body(self.body).points;
         let mut body_force = world.write(self.body_force);
@@ -47,12 +47,22 @@ impl SurfaceForce {
             let density = force / points.volume[point];
             body_force[point] += density;
             if let Some(moment) = &mut moment {
-                let arm = 0.5 * points.spacing[point] * cell.face.normal();
-                moment[point] += density * arm.transpose();
+                moment[point] += density * arm(points, cell).transpose();
             }
         }
         whole
     }
+}
+
+/// Arm from the point of a cell of a surface to its face, m.
+fn arm(points: &Points, cell: &SurfaceCell) -> Vector3<f64> {
+    0.5 * points.spacing[cell.point as usize] * cell.face.normal()
+}
+
+/// Centres of the faces of the cells of a surface, m.
+pub(super) fn face_centres(points: &Points, cells: &[SurfaceCell]) -> Vec<Vector3<f64>> {
+    let centre = |cell: &SurfaceCell| points.position[cell.point as usize] + arm(points, cell);
+    cells.iter().map(centre).collect()
 }
 
 /// The cells of a surface that have material now, with their places in the list.

@@ -21,7 +21,7 @@ use perimelt_core::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::surface_force::{SurfaceForce, with_material};
+use super::surface_force::{SurfaceForce, face_centres, with_material};
 use super::with_programme;
 use crate::InTime;
 use crate::in_time::earlier;
@@ -170,12 +170,7 @@ impl Coupler for Traction {
         let load = match (self.traction, &self.pressure) {
             (Some(traction), None) => Load::Traction(traction.into()),
             (None, Some(pressure)) => {
-                let points = &setup.body(body).points;
-                let centre = |cell: &SurfaceCell| {
-                    let point = cell.point as usize;
-                    points.position[point] + 0.5 * points.spacing[point] * cell.face.normal()
-                };
-                let centres = cells.iter().map(centre).collect();
+                let centres = face_centres(&setup.body(body).points, &cells);
                 let given = GivenValue {
                     key: "pressure",
                     value: pressure,

@@ -30,7 +30,7 @@ use perimelt_core::{
     RunningCoupler, SavedState, Setup, SetupError, Step, StepLimits, World, flattened, keys,
 };
 
-use super::surface_force::{SurfaceForce, with_material};
+use super::surface_force::{SurfaceForce, face_centres};
 use crate::surface::{OnSurface, select};
 
 /// Fraction of the time in which the water stops a cell of the surface that a step may take.
@@ -71,7 +71,6 @@ flattened! {
 
 /// A wave that is ready to act.
 struct RunningUndex {
-    body: usize,
     cells: Vec<SurfaceCell>,
     incident: Placed,
     water: Water,
@@ -137,12 +136,7 @@ impl Coupler for Undex {
         }
         let body = setup.find_body(self.place.body.as_deref())?;
         let cells = select(setup, body, &self.faces, self.place.region.as_deref())?;
-        let points = &setup.body(body).points;
-        let centre = |cell: &SurfaceCell| {
-            let point = cell.point as usize;
-            points.position[point] + 0.5 * points.spacing[point] * cell.face.normal()
-        };
-        let centres = cells.iter().map(centre).collect();
+        let centres = face_centres(&setup.body(body).points, &cells);
         let given = GivenValue {
             key: "incident",
             value: &self.incident,
@@ -153,7 +147,6 @@ impl Coupler for Undex {
             cavitation: self.cavitation,
         };
         Ok(Box::new(RunningUndex {
-            body,
             incident: setup.placed(body, given, centres)?,
             stable_step: stable_step(setup, body, &cells, water.impedance)?,
             water,
@@ -172,16 +165,15 @@ impl RunningCoupler for RunningUndex {
         let incident = self.incident.at(time);
         let incident = incident.map_err(|e| e.during("undex", time))?;
         let (water, velocity) = (self.water, world.read(self.velocity));
-        let pressure = |(index, cell): (usize, &SurfaceCell)| {
-            let recession = -velocity[cell.point as usize].dot(&cell.face.normal());
-            water.pressure(incident[index], recession)
-        };
+        let mut cavitates = false;
         let force_on = |(index, cell): (usize, &SurfaceCell)| {
-            -cell.face.normal() * (pressure((index, cell)).0 * cell.face_area)
+            let recession = -velocity[cell.point as usize].dot(&cell.face.normal());
+            let (pressure, is_cut_off) = water.pressure(incident[index], recession);
+            cavitates |= is_cut_off;
+            -cell.face.normal() * (pressure * cell.face_area)
         };
         self.force = self.surface.add(world, &self.cells, force_on);
-        let mut cells = with_material(world, self.body, &self.cells);
-        if self.cavitation_start.is_none() && cells.any(|at| pressure(at).1) {
+        if self.cavitation_start.is_none() && cavitates {
             self.cavitation_start = Some(time);
         }
         Ok(())

@@ -60,23 +60,29 @@ impl InterfaceReport {
             position,
             flow: InterfaceFlow { velocity, pressure },
         } = *first;
-        let [area] = sum_points(volume.len(), |i| [volume[i] * steepness(i)]);
-        let [whole] = sum_points(volume.len(), |i| [volume[i] * fraction[i]]);
+        let least = WITHIN / body.finest_spacing();
+        let parts = |i: usize| {
+            let steepness = steepness(i);
+            let volume = volume[i];
+            let part = |is_here: bool| if is_here { volume } else { 0.0 };
+            let within = steepness <= least;
+            let first = part(within && fraction[i] > 0.5);
+            let second = part(within && fraction[i] <= 0.5);
+            let pressures = [first * pressure[i], second * pressure[i]];
+            [
+                volume * steepness,
+                volume * fraction[i],
+                first,
+                second,
+                pressures[0],
+                pressures[1],
+            ]
+        };
+        let [area, whole, first, second, in_first, in_second] = sum_points(volume.len(), parts);
         let mean = |of: &[Vector3<f64>]| {
             let sum = sum_points(volume.len(), |i| (volume[i] * fraction[i] * of[i]).into());
             sum.map(|x| x / whole)
         };
-        let least = WITHIN / body.finest_spacing();
-        let parts = |i: usize| {
-            let part = |is_here: bool| if is_here { volume[i] } else { 0.0 };
-            let within = steepness(i) <= least;
-            [
-                part(within && fraction[i] > 0.5),
-                part(within && fraction[i] <= 0.5),
-            ]
-        };
-        let [first, second] = sum_points(volume.len(), parts);
-        let [in_first, in_second] = sum_points(volume.len(), |i| parts(i).map(|v| v * pressure[i]));
         InterfaceReport {
             pressure_jump: match first > 0.0 && second > 0.0 {
                 true => in_first / first - in_second / second,

@@ -183,10 +183,7 @@ impl FluidRun {
         let place = |point: usize| body.points.position[point].into();
         let cause: Option<Cause> = match (&self.points, self.points.pair()) {
             (Points::Lagrangian(_), Some(pair)) => {
-                let own = |point: usize| match body.material_of_point[point] == pair.material[0] {
-                    true => 1.0,
-                    false => 0.0,
-                };
+                let own = |point: usize| pair.fraction_of(body.material_of_point[point]);
                 let other = (0..fraction.len()).find(|&point| fraction[point] != own(point));
                 other.map(|point| {
                     FractionOfPoint {

@@ -204,6 +204,11 @@ impl FluidPair {
         Ok(PreparedPair { pair, tension: law })
     }
 
+    /// Fraction of the first fluid at points of a material.
+    pub(in crate::fluid) fn fraction_of(&self, material: u16) -> f64 {
+        f64::from(u8::from(material == self.material[0]))
+    }
+
     /// Cosine of the angle in the first fluid at which the interface meets a wall; none where the wall has no angle.
     pub(in crate::fluid) fn contact_cosine(&self, wall: WallPlace) -> Option<f64> {
         let found = self.angles.iter().find(|angle| angle.wall == wall)?;

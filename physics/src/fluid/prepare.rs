@@ -219,8 +219,7 @@ fn declare_fraction(
 ) -> Result<Write<f64>, SetupError> {
     let fraction = setup.own(body, &keys::FLUID_FRACTION)?;
     let material = setup.body(body).material_of_point.clone();
-    let is_first = |point: usize| material[point] == pair.material[0];
-    setup.set_first(fraction, |point| if is_first(point) { 1.0 } else { 0.0 });
+    setup.set_first(fraction, |point| pair.fraction_of(material[point]));
     Ok(fraction)
 }
 

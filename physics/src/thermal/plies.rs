@@ -11,12 +11,16 @@
 //! temperatures are in equilibrium, with the exact flux: across plies the parts conduct in series. The published model exchanges heat between plies
 //! over a disc, which is off by the sum over the disc where plies are thinner than the spacing.
 
+use std::sync::Arc;
+
 use perimelt_core::body::{Layer, Layers};
 use perimelt_core::family::PointBond;
 use perimelt_core::material::{Directional, Property};
 use perimelt_core::{Body, Family, FamilySpec, SetupError, text};
 
-use crate::plies::{CompleteFamily, TensorBonds, fibre_factors, is_along, plane_direction, turned};
+use crate::plies::{
+    CompleteFamily, TensorBonds, fibre_factors, is_along, plane_direction, turned, uncut,
+};
 
 /// Conductivities of a ply along and across its fibres and through its thickness, W/(m K).
 #[derive(Clone, Copy, Debug)]
@@ -121,10 +125,8 @@ pub(super) fn family(
     }
     let PlyConductivity(conductivity) = PlyConductivity::of(body, found)?;
     let of_family = |e| SetupError::new("horizon", e);
-    let plane = Family::build(layers.plane(), spec).map_err(of_family)?;
-    let mut whole = layers.plane().clone();
-    whole.cuts.clear();
-    let uncut = Family::build(&whole, spec).map_err(of_family)?;
+    let plane = Arc::new(Family::build(layers.plane(), spec).map_err(of_family)?);
+    let uncut = uncut(layers.plane(), &plane).map_err(of_family)?;
     let complete = CompleteFamily::new(body.finest_spacing(), spec).map_err(of_family)?;
     let through = conductivity[2];
     let bonds_of = |layer: &Layer| {

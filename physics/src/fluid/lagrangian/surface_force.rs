@@ -89,13 +89,12 @@ impl SurfaceForce {
     pub(super) fn new(fluids: PreparedPair, body: &Body) -> Self {
         let PreparedPair { pair, tension } = fluids;
         let points = body.points.len();
-        let is_first = |m: &u16| if *m == pair.material[0] { 1.0 } else { 0.0 };
         let wetted = |face: Face| {
             let cosine = pair.contact_cosine(WallPlace::Face(face))?;
-            let outwards = if face.is_upper() { 1.0 } else { -1.0 };
+            let normal = face.normal();
             Some(WettedFace {
-                normal: Vector3::ith(face.axis(), outwards),
-                position: outwards * body.face_position(face),
+                normal,
+                position: normal[face.axis()] * body.face_position(face),
                 cosine,
                 sine: (1.0 - cosine * cosine).sqrt(),
             })
@@ -103,7 +102,11 @@ impl SurfaceForce {
         SurfaceForce {
             faces: Face::ALL.into_iter().filter_map(wetted).collect(),
             rules: pair.normal_rules(body),
-            fraction: body.material_of_point.iter().map(is_first).collect(),
+            fraction: body
+                .material_of_point
+                .iter()
+                .map(|m| pair.fraction_of(*m))
+                .collect(),
             spacing: body.finest_spacing(),
             fractions: SlotField::default(),
             specific_volume: SlotField::default(),

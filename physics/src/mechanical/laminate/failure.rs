@@ -13,7 +13,9 @@ use super::LayerSolid;
 use super::crack::{energy_along_fibres, opening_limit, shear_limit};
 use super::force::displacements;
 use super::interface::Interface;
-use super::kernels::{Excess, InterfaceExcess, LOAD_INPUTS, SHEAR_INPUTS, StretchLimits};
+use super::kernels::{
+    BondLoad, Excess, InterfaceLoad, LOAD_INPUTS, Load, SHEAR_INPUTS, StretchLimits,
+};
 use super::law::PlyConstants;
 use super::strength::PlyStrength;
 use crate::mechanical::exceeding::{Breakable, Exceeding, broken_pairs};
@@ -414,21 +416,14 @@ impl Laminate {
         let own = self.layers[layer].inputs(true, &self.zeros);
         let inputs: [&[f64]; LOAD_INPUTS] =
             std::array::from_fn(|n| own.get(n).copied().unwrap_or(&failure.factors[layer]));
-        let (plane, excess) = (&*self.plane, &mut self.work.scalars);
         let breakable = Breakable {
             set,
-            family: plane,
+            family: &self.plane,
             broken: &failure.state.broken[set],
         };
-        specialise!(FINITE = self.base.is_finite() => {
-            let kernel = Excess::<FINITE>(limits);
-            plane.sum_unbroken(&kernel, inputs, Some(breakable.broken), excess);
-            let ratio = |point: usize, _: usize, bond: &Bond, slot: usize| {
-                let [own, other] = [plane.slot_of(point), slot].map(|slot| inputs.map(|i| i[slot]));
-                kernel.ratio(bond, &own, &other)
-            };
-            breakable.find_exceeding(exceeding(excess), ratio, found);
-        });
+        let excess = &mut self.work.scalars;
+        specialise!(FINITE = self.base.is_finite() =>
+            find_loaded(breakable, &Load::<FINITE>(limits), inputs, excess, found));
     }
 
     /// Bonds across an interface beyond their limit.
@@ -468,26 +463,38 @@ impl Laminate {
         });
         let crossing = self.interfaces[interface].crossing;
         let limit = failure.limits[set].tension;
-        let (plane, excess) = (&*self.plane, &mut self.work.scalars);
         let breakable = Breakable {
             set,
-            family: plane,
+            family: &self.plane,
             broken: &failure.state.broken[set],
         };
-        specialise!(FINITE = self.base.is_finite() => {
-            let kernel = InterfaceExcess::<FINITE> { crossing, limit };
-            plane.sum_unbroken(&kernel, inputs, Some(breakable.broken), excess);
-            let ratio = |point: usize, _: usize, bond: &Bond, slot: usize| {
-                let [own, other] = [plane.slot_of(point), slot].map(|slot| inputs.map(|i| i[slot]));
-                kernel.ratio(bond, &own, &other)
-            };
-            breakable.find_exceeding(exceeding(excess), ratio, found);
-        });
+        let excess = &mut self.work.scalars;
+        specialise!(FINITE = self.base.is_finite() =>
+        find_loaded(
+            breakable,
+            &InterfaceLoad::<FINITE> { crossing, limit },
+            inputs,
+            excess,
+            found,
+        ));
     }
 }
 
-/// Points with an excess.
-fn exceeding(excess: &[[f64; 1]]) -> impl Iterator<Item = usize> + '_ {
+/// Adds the bonds of a set beyond their limit to `found`; only those of points with an `excess` are examined, which it becomes.
+fn find_loaded<const I: usize>(
+    breakable: Breakable<'_>,
+    load: &impl BondLoad<I>,
+    inputs: [&[f64]; I],
+    excess: &mut [[f64; 1]],
+    found: &mut Vec<Exceeding>,
+) {
+    let Breakable { family, broken, .. } = breakable;
+    family.sum_unbroken(&Excess(load), inputs, Some(broken), excess);
     let points = excess.iter().enumerate();
-    points.filter(|(_, [e])| *e > 0.0).map(|(point, _)| point)
+    let points = points.filter(|(_, [e])| *e > 0.0).map(|(point, _)| point);
+    let ratio = |point: usize, _: usize, bond: &Bond, slot: usize| {
+        let [own, other] = [family.slot_of(point), slot].map(|slot| inputs.map(|i| i[slot]));
+        load.ratio(bond, &own, &other)
+    };
+    breakable.find_exceeding(points, ratio, found);
 }

@@ -1,32 +1,20 @@
 //! Energies of bonds that break, and forces of damaged laminates.
 
 use perimelt_core::Axis;
+use perimelt_core::Body;
 use perimelt_core::body::Stations;
-use perimelt_core::{Body, Correction, Family, FamilySpec, Horizon};
 
-use super::tests::{CONSTANTS, SPACING, displaced, energy, force, noise, plate};
+use super::tests::{
+    CONSTANTS, SPACING, displaced, energy, force, laminate_that_breaks, noise, plate,
+};
 use super::*;
-use crate::mechanical::moduli::Elasticity;
 use crate::mechanical::solid::Solid;
-use perimelt_core::material::Property;
 
 /// J/m², of opening and sliding.
 const ENERGIES: [f64; 2] = [2370.0, 7110.0];
+
 fn brittle(body: &Body, finite: bool, strength: &PlyStrength) -> Laminate {
-    let layers = body.layers().expect("layers");
-    let spec = FamilySpec {
-        horizon: Horizon::Spacings(3.0),
-        correction: Correction::Point,
-        ..FamilySpec::new(3.0 * SPACING)
-    };
-    let plane = Family::build(layers.plane(), &spec).expect("a family");
-    let elasticity = Elasticity::bond_based(vec![Property::Constant(181e9)], 3);
-    let constitution = Constitution {
-        finite,
-        failure: Some(strength.clone()),
-        ..Constitution::elastic(elasticity)
-    };
-    Laminate::new(body, layers, plane.into(), constitution, &CONSTANTS).expect("bonds")
+    laminate_that_breaks(body, finite, Some(strength.clone()))
 }
 
 fn strength(body: &Body) -> PlyStrength {

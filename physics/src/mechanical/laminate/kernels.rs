@@ -135,21 +135,31 @@ pub(super) struct StretchLimits {
     pub(super) along: Option<[f64; 2]>,
 }
 
-/// Inputs of [`Excess`]: those of a ply, and a factor of the limits, which is infinite where bonds never break.
-pub(super) const LOAD_INPUTS: usize = INPUTS + 1;
+/// Load of bonds over their limits.
+pub(super) trait BondLoad<const I: usize>: Sync {
+    /// That of a bond with inputs at both ends.
+    fn ratio(&self, bond: &Bond, own: &[f64; I], other: &[f64; I]) -> f64;
+}
 
 /// Excess of bonds over their limits, relative.
-pub(super) struct Excess<const FINITE: bool>(pub(super) StretchLimits);
+pub(super) struct Excess<'a, L>(pub(super) &'a L);
 
-impl<const FINITE: bool> Excess<FINITE> {
-    /// Load of a bond over its limit.
+impl<const I: usize, L: BondLoad<I>> BondKernel<I, 1> for Excess<'_, L> {
     #[inline(always)]
-    pub(super) fn ratio(
-        &self,
-        bond: &Bond,
-        own: &[f64; LOAD_INPUTS],
-        other: &[f64; LOAD_INPUTS],
-    ) -> f64 {
+    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; 1] {
+        [(self.0.ratio(bond, &own, &other) - 1.0).max(0.0)]
+    }
+}
+
+/// Inputs of [`Load`]: those of a ply, and a factor of the limits, which is infinite where bonds never break.
+pub(super) const LOAD_INPUTS: usize = INPUTS + 1;
+
+/// Stretch of the bonds of a ply over its limits.
+pub(super) struct Load<const FINITE: bool>(pub(super) StretchLimits);
+
+impl<const FINITE: bool> BondLoad<LOAD_INPUTS> for Load<FINITE> {
+    #[inline(always)]
+    fn ratio(&self, bond: &Bond, own: &[f64; LOAD_INPUTS], other: &[f64; LOAD_INPUTS]) -> f64 {
         let StretchLimits {
             tension,
             compression,
@@ -162,13 +172,6 @@ impl<const FINITE: bool> Excess<FINITE> {
         let stretch = elastic::<FINITE>(bond, &first, &second).stretch;
         let factor = 0.5 * (own[INPUTS] + other[INPUTS]);
         (stretch / tension).max(-stretch / compression) / factor
-    }
-}
-
-impl<const FINITE: bool> BondKernel<LOAD_INPUTS, 1> for Excess<FINITE> {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; LOAD_INPUTS], other: [f64; LOAD_INPUTS]) -> [f64; 1] {
-        [(self.ratio(bond, &own, &other) - 1.0).max(0.0)]
     }
 }
 
@@ -272,35 +275,22 @@ impl<const FINITE: bool> BondKernel<6, 6> for InterfaceForce<FINITE> {
     }
 }
 
-/// Inputs of [`InterfaceExcess`]: displacements of two layers, and their factors of the limits.
+/// Inputs of [`InterfaceLoad`]: displacements of two layers, and their factors of the limits.
 pub(super) const SHEAR_INPUTS: usize = 8;
 
-/// Excess of pairs of crossing bonds over the limit of their angle, relative.
-pub(super) struct InterfaceExcess<const FINITE: bool> {
+/// Angle of pairs of crossing bonds over its limit.
+pub(super) struct InterfaceLoad<const FINITE: bool> {
     pub(super) crossing: Crossing,
     pub(super) limit: f64,
 }
 
-impl<const FINITE: bool> InterfaceExcess<FINITE> {
-    /// Angle of a pair over its limit.
+impl<const FINITE: bool> BondLoad<SHEAR_INPUTS> for InterfaceLoad<FINITE> {
     #[inline(always)]
-    pub(super) fn ratio(
-        &self,
-        bond: &Bond,
-        own: &[f64; SHEAR_INPUTS],
-        other: &[f64; SHEAR_INPUTS],
-    ) -> f64 {
+    fn ratio(&self, bond: &Bond, own: &[f64; SHEAR_INPUTS], other: &[f64; SHEAR_INPUTS]) -> f64 {
         let [first, second] = [own, other].map(|end| std::array::from_fn(|n| end[n]));
         let angle = self.crossing.pair::<FINITE>(bond, &first, &second).angle;
         let factor = 0.25 * (own[6] + own[7] + other[6] + other[7]);
         angle.abs() / (self.limit * factor)
-    }
-}
-
-impl<const FINITE: bool> BondKernel<SHEAR_INPUTS, 1> for InterfaceExcess<FINITE> {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; SHEAR_INPUTS], other: [f64; SHEAR_INPUTS]) -> [f64; 1] {
-        [(self.ratio(bond, &own, &other) - 1.0).max(0.0)]
     }
 }
 

@@ -27,12 +27,12 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use perimelt_core::body::{Layer, Layers};
-use perimelt_core::family::{FamilyError, Mirrored};
+use perimelt_core::family::Mirrored;
 use perimelt_core::{Body, Family, SetupError, SlotField, text};
 
 use super::base::{Properties, SolidBase};
 use super::solid::Constitution;
-use crate::plies::{CompleteFamily, fibre_factors};
+use crate::plies::{CompleteFamily, fibre_factors, uncut};
 use failure::{Failure, LaminateParts};
 use interface::Interface;
 use kernels::INPUTS;
@@ -211,14 +211,4 @@ impl Laminate {
     fn points_of_layer(&self) -> usize {
         self.plane.points()
     }
-}
-
-/// The family without cracks: corrections beside a crack stay those of the uncut body.
-fn uncut(body: &Body, plane: &Arc<Family>) -> Result<Arc<Family>, FamilyError> {
-    if body.cuts.is_empty() {
-        return Ok(plane.clone());
-    }
-    let mut body = body.clone();
-    body.cuts.clear();
-    Ok(Arc::new(Family::build(&body, plane.spec())?))
 }

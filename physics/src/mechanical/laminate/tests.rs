@@ -41,6 +41,15 @@ pub(super) fn plate(angles: &[f64], thickness: &[f64], stations: Stations, side:
 }
 
 fn laminate(body: &Body, finite: bool) -> Laminate {
+    laminate_that_breaks(body, finite, None)
+}
+
+/// A laminate whose bonds break, if `failure` is given.
+pub(super) fn laminate_that_breaks(
+    body: &Body,
+    finite: bool,
+    failure: Option<PlyStrength>,
+) -> Laminate {
     let layers = body.layers().expect("layers");
     let spec = FamilySpec {
         horizon: Horizon::Spacings(3.0),
@@ -51,6 +60,7 @@ fn laminate(body: &Body, finite: bool) -> Laminate {
     let elasticity = Elasticity::bond_based(vec![Property::Constant(181e9)], 3);
     let constitution = Constitution {
         finite,
+        failure,
         ..Constitution::elastic(elasticity)
     };
     Laminate::new(body, layers, plane.into(), constitution, &CONSTANTS).expect("bonds")
