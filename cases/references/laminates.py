@@ -232,7 +232,7 @@ if __name__ == "__main__":
     for angles in ([0, 90], [45, -45], [0, 45, -45, 90], [0, 90, 90, 0], [45, -45, -45, 45]):
         print(angles, "cooled by 100 K:", " ".join(f"{x:.6e}" for x in warped(angles)))
     print("[0, 90] by one station:", " ".join(f"{x:.6e}" for x in warped([0, 90], stations=1)))
-    for angles in ([0, 90], [0, 45, -45, 90]):
+    for angles in ([0, 90], [0, 45, -45, 90], [30, -30]):
         print(angles, f"E_x {modulus(angles):.6e} Pa")
     print("[0, 90, 0] heated by 50 K:", " ".join(f"{x:.6e}" for x in warped([0, 90, 0], rise=50.0)[:2]))
     for temperature, ply in CARBON_EPOXY.items():

@@ -434,6 +434,15 @@ impl Constants {
         self.properties.iter().any(depends)
     }
 
+    /// The temperatures at which tables of the constants of a material have values, K.
+    pub fn temperatures(&self, material: usize) -> Vec<f64> {
+        let tables = self.of_material(material).iter().filter_map(|c| match c {
+            ConstantOf::Given(property) => Some(property.along(0)),
+            ConstantOf::Default(_) => None,
+        });
+        tables.flat_map(Property::temperatures).collect()
+    }
+
     /// The constants of a material as properties.
     pub fn properties(&self, material: usize) -> Vec<Directional<Property>> {
         let one = |constant: &ConstantOf| match constant {

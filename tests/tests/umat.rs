@@ -38,6 +38,7 @@ fn point(finite: bool) -> LawPoint<'static> {
         shear_modulus: moduli.shear,
         bulk_modulus: moduli.bulk,
         finite,
+        axes: Matrix3::identity(),
         number: 6,
         position: [0.1, 0.2, 0.3],
         spacing: 1e-3,

@@ -323,6 +323,10 @@ impl SolidBase {
         let mut tensors = std::mem::take(&mut self.tensors);
         let points = tensors.par_iter_mut().zip(&gradient.values).enumerate();
         points.for_each(|(i, (tensor, gradient_of_point))| {
+            if let Some(points) = self.law_points_of(gradient, i) {
+                *tensor = points.conjugate_stress(&self.elastic, i, gradient_of_point);
+                return;
+            }
             let law = self.law_of(gradient, i, StrainKind::Total);
             let stress = law.stress(&self.strain_since_birth(i, gradient_of_point));
             *tensor = law.components(&stress, self.elastic.is_plane_strain());

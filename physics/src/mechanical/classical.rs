@@ -144,8 +144,13 @@ pub(super) fn image_of(scale: &Matrix3<f64>, strain: &[f64; 6], mirror: &Matrix3
 /// Eigenstrain of a mirror image: that of a body which is symmetric about the face, or, where the displacement along the face is
 /// held, too, that of a body which goes on behind it. `scale` has the factors on the displacement of the image.
 pub(super) fn eigenstrain_of_image(scale: [f64; 3], strain: &[f64; 6]) -> [f64; 6] {
-    let signs = diagonal(scale.map(|s| if s > 0.0 { 1.0 } else { -1.0 }));
+    let signs = diagonal(signs_of_image(scale));
     image_of(&signs, strain, &signs)
+}
+
+/// Signs of the axes along which the material and the eigenstrain of a mirror image lie.
+pub(super) fn signs_of_image(scale: [f64; 3]) -> [f64; 3] {
+    scale.map(|s| if s > 0.0 { 1.0 } else { -1.0 })
 }
 
 pub(super) fn diagonal(signs: [f64; 3]) -> Matrix3<f64> {

@@ -40,6 +40,8 @@ pub(super) struct Fields {
     /// If boundaries hold points.
     pub(super) hold: Option<Hold>,
     pub(super) temperature: ReadIfProvided<f64>,
+    /// Of the material, rad; if it counts for the law of elasticity.
+    pub(super) orientation: Option<Read<Vector3<f64>>>,
 }
 
 /// Fields of the boundaries that hold points.
@@ -129,6 +131,7 @@ impl VariableField {
 pub(super) struct LawState<'a> {
     law: &'static str,
     variables: &'a [StateVariable],
+    has_directions: bool,
 }
 
 impl<'a> LawState<'a> {
@@ -137,6 +140,7 @@ impl<'a> LawState<'a> {
         LawState {
             law: plasticity.law_name(),
             variables: plasticity.state_variables(),
+            has_directions: false,
         }
     }
 
@@ -145,6 +149,7 @@ impl<'a> LawState<'a> {
         LawState {
             law: points.law_name(),
             variables: points.state_variables(),
+            has_directions: points.has_directions(),
         }
     }
 
@@ -297,6 +302,10 @@ impl Fields {
             },
             hold,
             temperature: setup.read_if_provided(body, &keys::TEMPERATURE)?,
+            orientation: match law.is_some_and(|law| law.has_directions) {
+                true => Some(setup.given(body, &keys::ORIENTATION)?),
+                false => None,
+            },
         })
     }
 }

@@ -58,6 +58,17 @@ pub trait ElasticLaw: Debug + Send + Sync + erased_serde::Serialize {
         false
     }
 
+    /// Whether it takes a stress-free strain with components. A law that is linear does.
+    fn takes_tensor_strain(&self) -> bool {
+        self.is_linear()
+    }
+
+    /// The property that takes the place of Young's modulus; Poisson's ratio is then that of bonds, see
+    /// [`PointLaw::YOUNGS_MODULUS`].
+    fn youngs_modulus(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Checks the keys, and computes from them what the solid needs.
     ///
     /// # Errors
@@ -186,6 +197,14 @@ impl<L: PointLaw> ElasticLaw for OfPoints<L> {
         false
     }
 
+    fn takes_tensor_strain(&self) -> bool {
+        true
+    }
+
+    fn youngs_modulus(&self) -> Option<&'static str> {
+        L::YOUNGS_MODULUS
+    }
+
     fn prepare(&mut self) -> Result<(), SetupError> {
         PointLaw::prepare(&mut self.0)
     }
@@ -210,8 +229,33 @@ impl<L: PointLaw> ElasticLaw for OfPoints<L> {
                 "`kinematics = \"finite\"`",
             ));
         }
+        check_constants(&self.0, &parts)?;
         with_strains(parts, Some(Box::new(self.0)))
     }
+}
+
+/// Checks the constants of each material at the temperatures of their tables.
+fn check_constants<L: PointLaw>(law: &L, parts: &Parts<'_>) -> Result<(), SetupError> {
+    let mut values = vec![0.0; L::CONSTANTS.len()];
+    for (m, material) in parts.body.materials.iter().enumerate() {
+        let material = format!("material `{}`", material.name());
+        let tables = parts.constants.temperatures(m);
+        let temperatures = if tables.is_empty() {
+            &[0.0]
+        } else {
+            &tables[..]
+        };
+        for &temperature in temperatures {
+            parts.constants.load(m, temperature, 0.0, &mut values);
+            let of = match tables.is_empty() {
+                true => material.clone(),
+                false => format!("{material} at {temperature} K"),
+            };
+            let checked = law.check(&values, &of);
+            checked.map_err(|e| e.below(&key_of(parts.name)))?;
+        }
+    }
+    Ok(())
 }
 
 /// The constants of a law that does not change from point to point.
@@ -412,9 +456,10 @@ impl ChosenLaw {
                 "material that is deposited or cut off takes its stress from a linear law";
             return refuse(message.into(), "a body that does not change");
         }
-        if has_tensor_eigenstrain(setup, body) || is_conjugate_tensor_read(setup, body) {
-            let message =
-                "a stress-free strain that differs by direction makes its stress by a linear law";
+        if !self.law.takes_tensor_strain()
+            && (has_tensor_eigenstrain(setup, body) || is_conjugate_tensor_read(setup, body))
+        {
+            let message = "a stress-free strain that differs by direction makes its stress by a linear law or by one of points";
             return refuse(message.into(), "no such strain");
         }
         Ok(())

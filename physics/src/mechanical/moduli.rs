@@ -151,14 +151,22 @@ impl Elasticity {
         })
     }
 
-    /// Isotropic moduli that bound those of a law with constants of its own, by its largest Young's modulus.
+    /// The isotropic solid that stands for a law with constants of its own, by a Young's modulus of the law.
     ///
     /// # Errors
     /// A material lacks the property.
-    pub fn bound(setup: &Setup<'_>, body: usize, property: &str) -> Result<Self, SetupError> {
+    pub fn alike(
+        setup: &Setup<'_>,
+        body: usize,
+        plane: Plane,
+        property: &str,
+    ) -> Result<Self, SetupError> {
         let youngs_modulus = setup.world().property(body, property)?;
         let dimension = setup.body(body).dimension;
-        Ok(Elasticity::bond_based(youngs_modulus, dimension))
+        Ok(Elasticity {
+            plane,
+            ..Elasticity::bond_based(youngs_modulus, dimension)
+        })
     }
 
     /// Young's moduli and the Poisson's ratio of a bond-based solid, in plane stress.

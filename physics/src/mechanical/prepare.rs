@@ -130,15 +130,15 @@ fn declare(
     Fields::declare(setup, body, features)
 }
 
-/// The elastic constants of the body; a bound of them where the law has those of plies.
+/// The elastic constants of the body, or of the isotropic solid that stands for its law.
 fn elasticity(
     keys: &Mechanical,
     law: &ChosenLaw,
     setup: &mut Setup<'_>,
     body: BodyIndex,
 ) -> Result<Elasticity, SetupError> {
-    if law.law.is_of_plies() {
-        return Elasticity::bound(setup, body, "youngs_modulus_1");
+    if let Some(property) = law.law.youngs_modulus() {
+        return Elasticity::alike(setup, body, keys.plane, property);
     }
     Elasticity::of(
         setup,

@@ -269,6 +269,9 @@ impl MechanicalRun {
             return;
         };
         points.step = step;
+        if let Some(orientation) = self.fields.orientation {
+            points.set_orientation(&world.read(orientation));
+        }
         for field in &self.fields.law_variables {
             field.load(world, &mut points.states);
         }

@@ -8,7 +8,9 @@ use rayon::prelude::*;
 use super::Correspondence;
 use super::kernels::{DISPLACEMENT, Force};
 use crate::mechanical::base::{Bonds, SolidBase, flat, unflatten};
-use crate::mechanical::classical::{Point, diagonal, eigenstrain_of_image, image_of};
+use crate::mechanical::classical::{
+    Point, diagonal, eigenstrain_of_image, image_of, signs_of_image,
+};
 use crate::mechanical::fracture::Fracture;
 use crate::mechanical::gradient::without;
 use crate::mechanical::layer_forces::Summed;
@@ -23,6 +25,8 @@ struct Strained<'a> {
     point: usize,
     /// Signs of the axes of an image; ones for a point.
     mirror: [f64; 3],
+    /// Signs of the axes of its material.
+    signs: [f64; 3],
     gradient: &'a Matrix3<f64>,
     /// The gradient about which a law of points is linearised, for changes; empty otherwise.
     about: Option<Matrix3<f64>>,
@@ -102,6 +106,7 @@ impl Correspondence {
         let at = |gradient| At {
             point: strained.point,
             mirror: strained.mirror,
+            signs: strained.signs,
             gradient,
         };
         let Some(about) = &strained.about else {
@@ -164,6 +169,7 @@ impl Correspondence {
             let strained = Strained {
                 point: i,
                 mirror: [1.0; 3],
+                signs: [1.0; 3],
                 gradient: &values[i],
                 about: about(i),
                 correction: correction(i).copied(),
@@ -186,6 +192,7 @@ impl Correspondence {
             let strained = Strained {
                 point: image.point,
                 mirror: image.mirror,
+                signs: signs_of_image(image.scale),
                 gradient: &gradient,
                 about: about(image.point).map(|about| scale * about * mirror),
                 correction,

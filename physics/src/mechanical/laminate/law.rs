@@ -124,6 +124,11 @@ impl ElasticLaw for OfPlies {
         true
     }
 
+    /// The largest one, for bounds.
+    fn youngs_modulus(&self) -> Option<&'static str> {
+        Some("youngs_modulus_1")
+    }
+
     fn prepare(&mut self) -> Result<(), SetupError> {
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! Solids with laws of elasticity of their own.
 
 mod bonds;
+mod orthotropic;
 mod points;
 
 use perimelt_core::body::Body;
@@ -39,8 +40,11 @@ fn energy(solid: &mut dyn Solid, displacement: &[f64]) -> f64 {
 
 /// Forces of a body in disorder are minus the derivative of its energy and, if there is one, the tangent is that of the forces.
 fn check_derivatives(body: &Body, keys: &str, has_tangent: bool) {
-    let mut solid = solid(body, keys);
-    let solid = &mut *solid;
+    check_derivatives_of(&mut *solid(body, keys), body, keys, has_tangent);
+}
+
+/// [`check_derivatives`] of a solid.
+fn check_derivatives_of(solid: &mut dyn Solid, body: &Body, keys: &str, has_tangent: bool) {
     let components = 3 * solid.base().nodes.positions(body).len();
     let in_body = |(i, u): (usize, f64)| if i % 3 < body.dimension { u } else { 0.0 };
     let scattered = |size: f64, seed: f64| -> Vec<f64> {

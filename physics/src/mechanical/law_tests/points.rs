@@ -80,13 +80,14 @@ const AT: BodyPoint<'_> = BodyPoint {
         shear_modulus: 3e5,
         bulk_modulus: 2e6,
         finite: true,
+        axes: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
         number: 0,
         position: [0.0; 3],
         spacing: 1e-3,
         start: 0.0,
     },
     stress_state: StressState::Full,
-    eigenstrain: 0.1,
+    stress_free: Matrix3::new(0.1, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.1),
 };
 
 fn gradient() -> Matrix3<f64> {

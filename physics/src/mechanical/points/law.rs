@@ -25,6 +25,8 @@ pub struct LawPoint<'a> {
     pub bulk_modulus: f64,
     /// Finite kinematics.
     pub finite: bool,
+    /// Axes of the material in the undeformed body, by columns; those of space where the law has no directions.
+    pub axes: Matrix3<f64>,
     /// Its number in the body.
     pub number: usize,
     /// Its reference position, m.
@@ -89,11 +91,25 @@ pub trait PointLaw: Debug + Send + Sync + serde::Serialize + 'static {
     /// Whether the derivative of the stress by the strain is symmetric, as that of an energy. Others are solved by GMRES.
     const IS_SYMMETRIC: bool = true;
 
+    /// Whether the axes of the material count.
+    const HAS_DIRECTIONS: bool = false;
+    /// The property that is Young's modulus of the isotropic solid which stands for the law in springs, bounds and preconditioners; its
+    /// Poisson's ratio is that of bonds. `None` for a law that has Young's modulus and Poisson's ratio.
+    const YOUNGS_MODULUS: Option<&'static str> = None;
+
     /// Checks the keys, and computes from them what each point needs.
     ///
     /// # Errors
     /// A value that makes no sense; the key of the error begins behind the name of the law.
     fn prepare(&mut self) -> Result<(), SetupError> {
+        Ok(())
+    }
+
+    /// Checks the constants of a material at a temperature, which `of` names.
+    ///
+    /// # Errors
+    /// Constants that make no sense together; the key of the error begins behind the name of the law.
+    fn check(&self, _constants: &[f64], _of: &str) -> Result<(), SetupError> {
         Ok(())
     }
 

@@ -16,8 +16,8 @@ pub struct BodyPoint<'a> {
     pub point: LawPoint<'a>,
     /// The components that the stress of the body has; plane strain has all.
     pub stress_state: StressState,
-    /// Isotropic stress-free strain.
-    pub eigenstrain: f64,
+    /// Stress-free strain: lengths of the undeformed body grow by one plus it.
+    pub stress_free: Matrix3<f64>,
 }
 
 /// What solids need of a law of points. Gradients H are those of the displacement; P is the first stress of Piola and
@@ -34,6 +34,9 @@ pub trait PointResponse: std::fmt::Debug + Send + Sync + erased_serde::Serialize
 
     /// See [`PointLaw::IS_SYMMETRIC`].
     fn is_symmetric(&self) -> bool;
+
+    /// See [`PointLaw::HAS_DIRECTIONS`].
+    fn has_directions(&self) -> bool;
 
     /// See [`PointLaw::prepare`].
     ///
@@ -72,15 +75,27 @@ pub trait PointResponse: std::fmt::Debug + Send + Sync + erased_serde::Serialize
 }
 
 impl BodyPoint<'_> {
-    /// The strain of a law, without the eigenstrain: the whole strain is the product of both gradients, or the sum of
-    /// both strains.
+    /// The strain of a law, without the stress-free strain: the whole strain is the product of both gradients, or the sum of both
+    /// strains.
     fn strain(&self, measure: Measure, gradient: &Matrix3<f64>) -> Matrix3<f64> {
-        let (e, finite) = (self.eigenstrain, self.point.finite);
+        let (free, finite) = (self.stress_free, self.point.finite);
         if measure.is_gradient(finite) {
-            return (Matrix3::identity() + gradient) / (1.0 + e);
+            return (Matrix3::identity() + gradient) * self.inverse_growth();
         }
-        let swelling = if finite { e * (1.0 + 0.5 * e) } else { e };
-        Point::strain(gradient, finite) - Matrix3::identity() * swelling
+        let strain = Point::strain(gradient, finite) - free;
+        if finite {
+            strain - free * free * 0.5
+        } else {
+            strain
+        }
+    }
+
+    /// The inverse of the gradient of a deformation by the stress-free strain.
+    fn inverse_growth(&self) -> Matrix3<f64> {
+        let growth = Matrix3::identity() + self.stress_free;
+        growth
+            .try_inverse()
+            .unwrap_or(Matrix3::from_element(f64::NAN))
     }
 
     /// P of the stress of a law.
@@ -91,7 +106,7 @@ impl BodyPoint<'_> {
         stress: Matrix3<f64>,
     ) -> Matrix3<f64> {
         match (measure.is_gradient(self.point.finite), self.point.finite) {
-            (true, _) => stress / (1.0 + self.eigenstrain),
+            (true, _) => stress * self.inverse_growth(),
             (false, true) => stress + gradient * stress,
             (false, false) => stress,
         }
@@ -156,6 +171,10 @@ impl<L: PointLaw> PointResponse for L {
 
     fn is_symmetric(&self) -> bool {
         L::IS_SYMMETRIC
+    }
+
+    fn has_directions(&self) -> bool {
+        L::HAS_DIRECTIONS
     }
 
     fn prepare(&mut self) -> Result<(), SetupError> {
@@ -241,7 +260,7 @@ fn closed_tangent<L: PointLaw>(
     let (strain, finite) = (at.strain(L::STRAIN, gradient), at.point.finite);
     let is_gradient = L::STRAIN.is_gradient(finite);
     let rate = match (is_gradient, finite) {
-        (true, _) => change / (1.0 + at.eigenstrain),
+        (true, _) => change * at.inverse_growth(),
         (false, true) => {
             let turned = (Matrix3::identity() + gradient).transpose() * change;
             0.5 * (turned + turned.transpose())

@@ -1,14 +1,15 @@
 //! The points of a body with their law and state.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use perimelt_core::law::{Constants, StateVariable, VariableShape};
+use perimelt_core::orientation::PointAxes;
 use perimelt_core::{Body, Step};
 use rayon::prelude::*;
 
 use super::law::{LawPoint, StepStates};
 use super::response::{BodyPoint, PointResponse};
 use super::scratch::with_copy;
-use crate::mechanical::classical::COMPONENTS;
+use crate::mechanical::classical::{COMPONENTS, diagonal, symmetric};
 use crate::mechanical::elastic::ElasticPoints;
 use crate::mechanical::gradient::Gradient;
 use crate::mechanical::plasticity::bulk_modulus;
@@ -26,6 +27,8 @@ pub(in crate::mechanical) struct LawPoints {
     temperature: Vec<f64>,
     /// Reference position (m) and spacing (m), by point.
     places: Vec<([f64; 3], f64)>,
+    /// Axes of the material, where they count.
+    axes: Option<PointAxes>,
     /// The step.
     pub(in crate::mechanical) step: Step,
     pub(in crate::mechanical) states: VariableStates,
@@ -40,8 +43,22 @@ pub(in crate::mechanical) struct At<'a> {
     pub(in crate::mechanical) point: usize,
     /// Signs of the axes of an image; ones for a point.
     pub(in crate::mechanical) mirror: [f64; 3],
+    /// Signs of the axes of material and prescribed strain of an image ([`signs_of_image`](crate::mechanical::classical::signs_of_image)).
+    pub(in crate::mechanical) signs: [f64; 3],
     /// H without what prescribed strains do to it.
     pub(in crate::mechanical) gradient: &'a Matrix3<f64>,
+}
+
+impl<'a> At<'a> {
+    /// A point.
+    pub(in crate::mechanical) fn point(point: usize, gradient: &'a Matrix3<f64>) -> Self {
+        At {
+            point,
+            mirror: [1.0; 3],
+            signs: [1.0; 3],
+            gradient,
+        }
+    }
 }
 
 impl LawPoints {
@@ -59,6 +76,7 @@ impl LawPoints {
             values: vec![0.0; points * law.constants().len()],
             temperature: Vec::new(),
             places: places.collect(),
+            axes: (law.has_directions()).then(|| PointAxes::new(points)),
             step: Step::new(0.0, 0.0),
             states: VariableStates::new(points, StateVariable::width_of(law.state())),
             about: vec![Matrix3::zeros(); points],
@@ -85,6 +103,18 @@ impl LawPoints {
         self.law.is_symmetric()
     }
 
+    /// Whether the axes of the material count.
+    pub(in crate::mechanical) fn has_directions(&self) -> bool {
+        self.axes.is_some()
+    }
+
+    /// Turns the axes of the material by rotation vectors, rad.
+    pub(in crate::mechanical) fn set_orientation(&mut self, orientation: &[Vector3<f64>]) {
+        if let Some(axes) = &mut self.axes {
+            axes.follow(orientation);
+        }
+    }
+
     /// Evaluates the constants of the law at the temperature of each point, K.
     pub(in crate::mechanical) fn load_constants(
         &mut self,
@@ -104,10 +134,20 @@ impl LawPoints {
             .extend_from_slice(temperature.unwrap_or_default());
     }
 
-    fn at(&self, elastic: &ElasticPoints, point: usize) -> BodyPoint<'_> {
+    /// A point or its image, whose axes have these signs.
+    fn at(&self, elastic: &ElasticPoints, point: usize, signs: [f64; 3]) -> BodyPoint<'_> {
         let (moduli, stress_state) = (elastic.moduli(point), elastic.stress_state());
         let count = self.law.constants().len();
         let (position, spacing) = self.places[point];
+        let signs = diagonal(signs);
+        let axes = match &self.axes {
+            Some(axes) => signs * axes.of(point),
+            None => Matrix3::identity(),
+        };
+        let mut stress_free = Matrix3::identity() * (elastic.eigenstrain[point] / moduli.swelling);
+        if let Some(strain) = elastic.prescribed.get(point) {
+            stress_free += signs * symmetric(strain) * signs;
+        }
         BodyPoint {
             point: LawPoint {
                 constants: &self.values[point * count..][..count],
@@ -117,19 +157,20 @@ impl LawPoints {
                 shear_modulus: moduli.shear,
                 bulk_modulus: bulk_modulus(stress_state, &moduli),
                 finite: elastic.finite,
+                axes,
                 number: point,
                 position,
                 spacing,
             },
             stress_state,
-            eigenstrain: elastic.eigenstrain[point] / moduli.swelling,
+            stress_free,
         }
     }
 
     /// The largest stiffness over the elastic one at no strain, of all points.
     pub(in crate::mechanical) fn steepest(&self, elastic: &ElasticPoints) -> f64 {
         let points = (0..self.about.len()).into_par_iter();
-        let steepest = points.map(|i| self.law.steepest(&self.at(elastic, i).point));
+        let steepest = points.map(|i| self.law.steepest(&self.at(elastic, i, [1.0; 3]).point));
         steepest.reduce(|| 1.0, f64::max)
     }
 
@@ -148,7 +189,7 @@ impl LawPoints {
             tried.copy_from_slice(settled);
             if !gradient.is_loose(i) {
                 let h = gradient.elastic(i, elastic.finite);
-                self.law.evolve(&self.at(elastic, i), &h, tried);
+                self.law.evolve(&self.at(elastic, i, [1.0; 3]), &h, tried);
             }
         });
         self.states = states;
@@ -183,7 +224,7 @@ impl LawPoints {
 
     /// P at the trial state, Pa.
     pub(in crate::mechanical) fn piola(&self, elastic: &ElasticPoints, at: At<'_>) -> Matrix3<f64> {
-        let point = self.at(elastic, at.point);
+        let point = self.at(elastic, at.point, at.signs);
         self.with_mirrored(self.states.tried(at.point), at.mirror, |state| {
             let gradient = self.law.complete(&point, at.gradient, state);
             self.law.piola(&point, &gradient, state)
@@ -197,7 +238,7 @@ impl LawPoints {
         at: At<'_>,
         change: &Matrix3<f64>,
     ) -> Matrix3<f64> {
-        let point = self.at(elastic, at.point);
+        let point = self.at(elastic, at.point, at.signs);
         self.with_mirrored(self.states.settled(at.point), at.mirror, |start| {
             self.with_mirrored(self.states.tried(at.point), at.mirror, |end| {
                 let states = StepStates { start, end };
@@ -213,7 +254,7 @@ impl LawPoints {
         point: usize,
         gradient: &Matrix3<f64>,
     ) -> [f64; 6] {
-        let (at, state) = (self.at(elastic, point), self.states.tried(point));
+        let (at, state) = (self.at(elastic, point, [1.0; 3]), self.states.tried(point));
         let gradient = self.law.complete(&at, gradient, state);
         let mut stress = self.law.piola(&at, &gradient, state);
         if elastic.finite {
@@ -230,7 +271,7 @@ impl LawPoints {
         point: usize,
         gradient: &Matrix3<f64>,
     ) -> f64 {
-        let (at, state) = (self.at(elastic, point), self.states.tried(point));
+        let (at, state) = (self.at(elastic, point, [1.0; 3]), self.states.tried(point));
         let gradient = self.law.complete(&at, gradient, state);
         self.law.energy(&at, &gradient, state)
     }
@@ -242,15 +283,36 @@ impl LawPoints {
         point: usize,
         gradient: &Matrix3<f64>,
     ) -> [f64; 2] {
-        let at = BodyPoint {
-            eigenstrain: 0.0,
-            ..self.at(elastic, point)
-        };
+        let at = self.at_total_strain(elastic, point);
         let state = self.states.tried(point);
         let gradient = self.law.complete(&at, gradient, state);
         let stress = self.law.piola(&at, &gradient, state);
         let trace: f64 = (0..elastic.dimension).map(|a| stress[(a, a)]).sum();
         let swelling = elastic.moduli(point).swelling;
         [self.law.energy(&at, &gradient, state), trace * swelling]
+    }
+
+    /// Stress of the total strain as xx, yy, zz, xy, yz, zx, Pa.
+    pub(in crate::mechanical) fn conjugate_stress(
+        &self,
+        elastic: &ElasticPoints,
+        point: usize,
+        gradient: &Matrix3<f64>,
+    ) -> [f64; 6] {
+        let (at, state) = (
+            self.at_total_strain(elastic, point),
+            self.states.tried(point),
+        );
+        let gradient = self.law.complete(&at, gradient, state);
+        let stress = self.law.piola(&at, &gradient, state);
+        COMPONENTS.map(|(a, b)| 0.5 * (stress[(a, b)] + stress[(b, a)]))
+    }
+
+    /// A point without its stress-free strain.
+    fn at_total_strain(&self, elastic: &ElasticPoints, point: usize) -> BodyPoint<'_> {
+        BodyPoint {
+            stress_free: Matrix3::zeros(),
+            ..self.at(elastic, point, [1.0; 3])
+        }
     }
 }

@@ -32,7 +32,7 @@ impl<const D: usize> Staggered<D> {
     fn piola(&self, point: usize) -> Matrix3<f64> {
         let (base, gradient) = (&self.base, &self.gradient.values[point]);
         match base.law_points_of(&self.gradient, point) {
-            Some(points) => points.piola(&base.elastic, at(point, gradient)),
+            Some(points) => points.piola(&base.elastic, At::point(point, gradient)),
             None => {
                 let law = base.law_of(&self.gradient, point, StrainKind::Elastic);
                 law.piola(gradient, base.is_finite())
@@ -44,7 +44,7 @@ impl<const D: usize> Staggered<D> {
     fn change_of_piola(&self, point: usize) -> Matrix3<f64> {
         let (base, change) = (&self.base, &self.gradient.values[point]);
         if let Some(points) = base.law_points_of(&self.gradient, point) {
-            let about = at(point, &points.about[point]);
+            let about = At::point(point, &points.about[point]);
             return points.tangent(&base.elastic, about, change);
         }
         let About {
@@ -204,14 +204,5 @@ impl<const D: usize> Staggered<D> {
             *energy = [density + modes, conjugate];
         });
         self.base.energy = energy;
-    }
-}
-
-/// A point, not its image.
-fn at(point: usize, gradient: &Matrix3<f64>) -> At<'_> {
-    At {
-        point,
-        mirror: [1.0; 3],
-        gradient,
     }
 }
