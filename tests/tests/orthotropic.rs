@@ -130,7 +130,8 @@ fn mistakes_about_constants() {
         assert_eq!(text.matches(right).count(), 1, "`{right}` is there once");
         match start(text.replace(right, wrong)) {
             Err(Failure::Case(mistake)) => mistake.render(false),
-            other => panic!("{wrong}: {other:?}"),
+            Err(other) => panic!("{wrong}: {other:?}"),
+            Ok(_) => panic!("{wrong}: accepted"),
         }
     };
     let all = [

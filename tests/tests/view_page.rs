@@ -296,3 +296,34 @@ fn a_run_that_was_stopped_is_not_complete_and_stands_beside_another() {
     };
     assert_eq!(page.status("")["live"], "stopped");
 }
+
+/// Plies of a laminate lie apart, or one is shown alone.
+#[test]
+fn plies_of_a_laminate_are_chosen_and_drawn_apart() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let case = std::fs::read_to_string(
+        perimelt_tests::root().join("cases/verification/lam-warp-0-90.toml"),
+    );
+    let case = case.expect("readable");
+    run(
+        folder.path(),
+        &case.replace("spacing = 0.004", "spacing = 0.01"),
+        &[],
+    );
+    let view = View::of(folder.path());
+    let run = view.get("/run.json").json();
+    assert_eq!(run["bodies"][0]["plies"].as_array().map(Vec::len), Some(2));
+    assert_eq!(run["bodies"][0]["plies"][1]["angle"], 90.0);
+    let Some(page) = Page::of(&view) else { return };
+    // 2 plies of 2 stations
+    assert_eq!(page.status("")["drawn"][0]["count"], 4 * 10 * 10);
+    // seen from the front, a laminate whose plies lie apart is higher
+    let height = |settings: &str| {
+        let status = page.status(&format!("view=front&field=ply&{settings}"));
+        assert_eq!(status["errors"], json!([]));
+        number(&status["box"][1][2]) - number(&status["box"][0][2])
+    };
+    let [whole, apart, one] = ["", "apart=50", "ply=2"].map(height);
+    assert!(apart > whole + 0.04, "{whole} {apart}");
+    assert!(one < whole, "{whole} {one}");
+}

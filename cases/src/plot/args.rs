@@ -33,6 +33,10 @@ pub struct PlotArgs {
     /// weld, through the hottest point; where nothing is hot, and in films, through that of half way]
     #[arg(long, value_name = "AXIS=POSITION", value_parser = cut)]
     pub section: Vec<Cut>,
+    /// plies of laminates, counted from 1 from below, such as `1,3` [default: all of up to four; else the lowest, the middle and the
+    /// highest]
+    #[arg(long, value_delimiter = ',')]
+    pub ply: Vec<usize>,
     /// values at the ends of the colours, such as `300,1500`, in SI units [default: smallest and largest value shown at each
     /// time]
     #[arg(long, value_name = "FROM,TO", allow_hyphen_values = true, value_parser = range)]

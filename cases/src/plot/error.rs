@@ -50,12 +50,21 @@ pub enum PlotError {
     },
     /// A section of plies.
     #[error(
-        "`--section` does not cut body `{body}`, whose points lie in the layers of a `layup`: it is drawn from above \
-         (`export` writes all layers for ParaView)"
+        "`--section` does not cut body `{body}`, whose points lie in the layers of a `layup`: `--ply` chooses plies"
     )]
     SectionOfLayers {
         /// the body
         body: String,
+    },
+    /// A ply that a body does not have.
+    #[error("`--ply {ply}`: body `{body}` has the plies 1 to {plies}")]
+    NoPly {
+        /// the body
+        body: String,
+        /// the ply
+        ply: usize,
+        /// number of its plies
+        plies: usize,
     },
     /// Too few pixels for the letters.
     #[error(

@@ -2,7 +2,7 @@
 
 use perimelt_core::log::{BodyInfo, LogError, LoggedCloud};
 use perimelt_plot::{
-    AXES, Cells, ChartAxis, ColourMap, ColourScale, Cut, Isoline, Picture, Snapshot, views,
+    AXES, Cells, ChartAxis, ColourMap, ColourScale, Cut, Isoline, Picture, Snapshot, View, views,
 };
 
 use super::charts::line_chart;
@@ -89,29 +89,10 @@ impl Plotter<'_> {
             return Ok(self.draw_chart(&chart));
         }
         let positions = plot.reference.positions(cloud);
-        let grid = grid_of(body, cloud, &positions).ok_or_else(|| PlotError::Scattered {
-            body: body.name.clone(),
-            time: cloud.time,
-        })?;
-        let cells = Cells {
-            origin: grid.origin,
-            spacing: grid.spacing,
-            counts: grid.cells,
-            covered: grid.covered().collect(),
+        let views = match body.plies.is_empty() {
+            true => self.views(plot, cloud, &positions, &scalar)?,
+            false => self.plies(body, cloud, &positions, &scalar)?,
         };
-        // cells of a lay-up are not cubes
-        let is_layered = !body.layers.is_empty();
-        if is_layered && !self.args.section.is_empty() {
-            let body = body.name.clone();
-            return Err(PlotError::SectionOfLayers { body });
-        }
-        let cuts = if is_layered { &[][..] } else { &plot.cuts };
-        let caption = |cut, letter| section_caption(&grid, cut, letter);
-        let views = views(&cells, body.dimension, &scalar.values, cuts, caption);
-        let views = views.map_err(|outside| PlotError::SectionOutside {
-            body: body.name.clone(),
-            outside,
-        })?;
         let displacement = deformation(cloud, self.args.deform);
         if let (Some(_), Some(factor)) = (&displacement, self.args.deform) {
             title += &format!(", deformed {} ×", unit::signed_number(factor, 4));
@@ -139,6 +120,28 @@ impl Plotter<'_> {
         };
         let picture = snapshot.draw(self.layout_width);
         Ok(Some(picture.scaled_to(self.args.width)))
+    }
+
+    /// A body from above, with sections.
+    fn views(
+        &self,
+        plot: &FieldPlot<'_>,
+        cloud: &LoggedCloud,
+        positions: &[[f64; 3]],
+        scalar: &Scalar,
+    ) -> Result<Vec<View>, PlotError> {
+        let body = plot.body;
+        let grid = grid_of(body, cloud, positions).ok_or_else(|| PlotError::Scattered {
+            body: body.name.clone(),
+            time: cloud.time,
+        })?;
+        let caption = |cut, letter| section_caption(&grid, cut, letter);
+        let cells = cells_of(&grid);
+        let views = views(&cells, body.dimension, &scalar.values, &plot.cuts, caption);
+        views.map_err(|outside| PlotError::SectionOutside {
+            body: body.name.clone(),
+            outside,
+        })
     }
 
     /// Colours of the values of a picture.
@@ -194,6 +197,16 @@ impl Plotter<'_> {
         isotherms
             .map(|isotherm| isoline(&isotherm.name, isotherm.temperature))
             .collect()
+    }
+}
+
+/// The cells of a grid with the points that cover them.
+pub(super) fn cells_of(grid: &CellGrid) -> Cells {
+    Cells {
+        origin: grid.origin,
+        spacing: grid.spacing,
+        counts: grid.cells,
+        covered: grid.covered().collect(),
     }
 }
 

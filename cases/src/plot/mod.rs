@@ -4,7 +4,7 @@
 //!
 //! - `<body>-<field>-<time>`: the points of a body coloured by a field, a plane body as it is, a
 //!   three-dimensional one as its surface from above and in sections, by default along and across the path of its
-//!   hottest point, through it; in pictures of the temperature with isotherms
+//!   hottest point, through it, a laminate as its plies; in pictures of the temperature with isotherms
 //! - `<body>-melt-pool`: length, width and depth of the melt pool over time
 //! - `probe-<name>`: the probes over time, those along a line over the distance at some times
 //! - `balance-error`: relative errors of the balances over time, logarithmic
@@ -20,6 +20,7 @@ mod fields;
 mod film;
 #[cfg(test)]
 pub(crate) mod fixture;
+mod plies;
 
 use std::collections::BTreeSet;
 use std::io::Write;

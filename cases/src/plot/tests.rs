@@ -1,4 +1,4 @@
-use perimelt_core::log::{RunInfo, Writer};
+use perimelt_core::log::{BodyInfo, CloudView, FieldView, PlyInfo, Precision, RunInfo, Writer};
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -234,4 +234,91 @@ fn smooth_pictures_have_colours_between_those_of_the_points() {
         let (points, between) = (colours(deform), colours(&format!("--smooth {deform}")));
         assert!(between > points, "{deform}: {between} {points}");
     }
+}
+
+/// A laminate of five plies of two layers, 4 x 3 points each, whose field is 100 where the layer is the higher one of its ply.
+fn laminate(folder: &Path) {
+    let ply = |n: usize| PlyInfo {
+        angle: 45.0 * n as f64,
+        middle: 1e-3 * (n as f64 + 0.5),
+    };
+    let body = BodyInfo {
+        name: "plate".into(),
+        dimension: 3,
+        spacing: 2e-3,
+        points: 120,
+        plies: (0..5).map(ply).collect(),
+        ..BodyInfo::default()
+    };
+    let run = RunInfo {
+        bodies: vec![body],
+        ..RunInfo::default()
+    };
+    let path = folder.join("spot.mcap");
+    let mut writer = Writer::create(&path, &run, "plate.toml", "").expect("a new file");
+    let points = (0..120).map(|point| (point % 4, point / 4 % 3, point / 12));
+    let place = |(i, j, layer): (usize, usize, usize)| {
+        let station = if layer % 2 == 0 { -0.3e-3 } else { 0.3e-3 };
+        [
+            2e-3 * i as f64,
+            2e-3 * j as f64,
+            ply(layer / 2).middle + station,
+        ]
+    };
+    let positions: Vec<[f64; 3]> = points.clone().map(place).collect();
+    let [mut plies, mut damage] = [Vec::new(), Vec::new()];
+    for (_, _, layer) in points {
+        plies.push((layer / 2 + 1) as f64);
+        damage.push(if layer % 2 == 0 { 0.0 } else { 100.0 });
+    }
+    let fields = [("ply", &plies), ("damage", &damage)].map(|(name, values)| FieldView {
+        name,
+        components: 1,
+        values,
+    });
+    let cloud = CloudView {
+        time: 0.0,
+        positions: &positions,
+        fields: &fields,
+    };
+    writer
+        .points("plate", Precision::F64, &cloud)
+        .expect("written");
+    writer.finish().expect("written");
+}
+
+#[test]
+fn plies_are_drawn_from_above_and_chosen_by_number() {
+    let folder = tempfile::tempdir().expect("a folder");
+    laminate(folder.path());
+    let captions = |options: &str| {
+        let svg = svg(folder.path(), "plate", &format!("--field damage {options}"));
+        (1..6)
+            .filter(|ply| svg.contains(&format!("ply {ply} of 5 from below, {}°", 45 * (ply - 1))))
+            .collect::<Vec<usize>>()
+    };
+    assert_eq!(captions(""), [1, 3, 5]);
+    assert_eq!(captions("--ply 4,2,4"), [2, 4]);
+    // the highest ply first
+    let svg = svg(
+        folder.path(),
+        "plate",
+        "--field damage --ply 2,5 --range 0,100",
+    );
+    let at = |ply: usize| svg.find(&format!("ply {ply} of 5")).expect("drawn");
+    assert!(at(5) < at(2));
+    let refused = |options: &str| {
+        plot(&args(folder.path(), options))
+            .expect_err("refused")
+            .to_string()
+    };
+    assert_eq!(
+        refused("--field damage --ply 6"),
+        "`--ply 6`: body `plate` has the plies 1 to 5"
+    );
+    assert_eq!(
+        refused("--field damage --ply 0"),
+        "`--ply 0`: body `plate` has the plies 1 to 5"
+    );
+    assert!(refused("--field damage --section x=0").contains("`--ply` chooses plies"));
 }

@@ -298,7 +298,7 @@ mod tests {
             spacing: SPACING,
             points: 8,
             lattice: with_lattice.then_some(lattice),
-            layers: Vec::new(),
+            plies: Vec::new(),
             fields: vec![FieldInfo {
                 name: DISPLACEMENT.into(),
                 unit: "m".into(),

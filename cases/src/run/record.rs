@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
+use perimelt_core::body::Ply;
 use perimelt_core::field::{FieldIndex, keys};
 use perimelt_core::log::{
-    BodyInfo, CloudView, Column, Entry, FieldInfo, FieldView, LatticeInfo, Precision, Progress,
-    RunInfo, Series, Writer,
+    BodyInfo, CloudView, Column, Entry, FieldInfo, FieldView, LatticeInfo, PlyInfo, Precision,
+    Progress, RunInfo, Series, Writer,
 };
 use perimelt_core::simulation::Progress as Counters;
 use perimelt_core::world::activity::is_active;
@@ -16,7 +17,7 @@ use perimelt_core::{Body, Report, Simulation, World};
 
 use super::{Failure, inputs};
 use crate::case::Case;
-use crate::log_names::{RELATIVE_ERROR, REPORTS, SPACING};
+use crate::log_names::{PLY, RELATIVE_ERROR, REPORTS, SPACING};
 use crate::melt_pool::sources_of;
 use crate::probe::Probe;
 
@@ -129,6 +130,18 @@ impl Recorder {
                 name: SPACING,
                 components: 1,
                 values: &points.points.spacing,
+            });
+        }
+        let plies: Option<Vec<f64>> = points.layers().map(|layers| {
+            let points = 0..points.points.len();
+            let ply = |point: usize| layers.layers()[layers.place(point).0].ply;
+            points.map(|point| 1.0 + ply(point) as f64).collect()
+        });
+        if let Some(plies) = &plies {
+            fields.push(FieldView {
+                name: PLY,
+                components: 1,
+                values: plies,
             });
         }
         let cloud = CloudView {
@@ -302,6 +315,22 @@ fn lattice_info(body: &Body) -> Option<LatticeInfo> {
     })
 }
 
+fn ply_info(ply: &Ply) -> PlyInfo {
+    PlyInfo {
+        angle: ply.angle.to_degrees(),
+        middle: ply.low + 0.5 * ply.thickness,
+    }
+}
+
+/// A number of each point that no plugin owns.
+fn field_of_points(name: &str, unit: &str) -> FieldInfo {
+    FieldInfo {
+        name: name.into(),
+        unit: unit.into(),
+        components: 1,
+    }
+}
+
 /// Constant data of a run.
 pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
     let body = |(index, body): (usize, &perimelt_core::Body)| BodyInfo {
@@ -312,8 +341,8 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
         points: body.points.len(),
         symmetry: simulation.world().symmetry(index).to_vec(),
         lattice: lattice_info(body),
-        layers: (body.layers().into_iter())
-            .flat_map(|l| l.layers().iter().map(|l| l.z))
+        plies: (body.layers().into_iter())
+            .flat_map(|layers| layers.plies().iter().map(ply_info))
             .collect(),
         fields: simulation
             .lasting()
@@ -323,11 +352,8 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
                 unit: f.unit.clone(),
                 components: f.data().components(),
             })
-            .chain(body.lattice().is_none().then(|| FieldInfo {
-                name: SPACING.into(),
-                unit: "m".into(),
-                components: 1,
-            }))
+            .chain((body.lattice().is_none()).then(|| field_of_points(SPACING, "m")))
+            .chain(body.layers().map(|_| field_of_points(PLY, "1")))
             .collect(),
     };
     let folder = case.folder.as_path();

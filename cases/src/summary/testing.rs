@@ -85,7 +85,7 @@ impl Plate<'_> {
             points: positions.len(),
             symmetry: self.symmetry.clone(),
             lattice: None,
-            layers: Vec::new(),
+            plies: Vec::new(),
             fields: fields.collect(),
         };
         let run = RunInfo {

@@ -22,11 +22,12 @@ macro_rules! files {
 }
 
 /// All files; the first is the page itself.
-const FILES: [File; 19] = files! {
+const FILES: [File; 20] = files! {
     "index.html", HTML;
     "style.css", CSS;
     "main.js", SCRIPT;
     "controls.js", SCRIPT;
+    "plies.js", SCRIPT;
     "data.js", SCRIPT;
     "viewer.js", SCRIPT;
     "scene.js", SCRIPT;

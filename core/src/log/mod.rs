@@ -170,11 +170,20 @@ pub struct BodyInfo {
     /// cells of a body on a regular grid; `None` where points have several spacings or come from a table
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lattice: Option<LatticeInfo>,
-    /// positions of the layers of a lay-up along z, m
+    /// plies of a lay-up, from below
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub layers: Vec<f64>,
+    pub plies: Vec<PlyInfo>,
     /// fields the body has, logged or not
     pub fields: Vec<FieldInfo>,
+}
+
+/// A ply of a lay-up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PlyInfo {
+    /// angle of the fibres from x towards y, degrees
+    pub angle: f64,
+    /// position of its middle along z, m
+    pub middle: f64,
 }
 
 /// The regular grid of the cells of a body in its reference configuration. Points that get their material later, and cells

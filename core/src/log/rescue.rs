@@ -129,7 +129,7 @@ pub(super) fn body(name: &str, cloud: Option<&LoggedCloud>) -> BodyInfo {
         points: positions.len(),
         symmetry: Vec::new(),
         lattice: None,
-        layers: Vec::new(),
+        plies: Vec::new(),
         fields: fields.iter().map(field).collect(),
     }
 }

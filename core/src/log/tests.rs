@@ -46,7 +46,7 @@ fn run_info() -> RunInfo {
             points: 40,
             symmetry: vec![Face::YMin],
             lattice: None,
-            layers: Vec::new(),
+            plies: Vec::new(),
             fields: vec![
                 field("temperature", "K", 1),
                 field("velocity", "m/s", 3),

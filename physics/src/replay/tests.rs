@@ -42,7 +42,7 @@ fn log(states: &[(f64, f64)], offset: f64) -> (TempDir, PathBuf) {
         points: 6,
         symmetry: Vec::new(),
         lattice: None,
-        layers: Vec::new(),
+        plies: Vec::new(),
         fields: FIELDS.map(field).into(),
     };
     let run = RunInfo {

@@ -3,7 +3,7 @@
 //
 // `view` is a direction by name, or `yaw,pitch,x,y,z,reach` of the camera; `cut` an axis, or `n` with two angles (degrees) and a
 // comma each, then the part of the way through the bodies, and `f` for the other side; `range` is `auto`, `run`, `now` or two
-// values in SI units; `point` is a clicked point, `body:x,y,z` (m, at rest); `ruler` is `on`, or has the two places as computed and as drawn, m.
+// values in SI units; `ply` the number of a ply of laminates and `apart` the distance of plies over that in the laminate; `point` is a clicked point, `body:x,y,z` (m, at rest); `ruler` is `on`, or has the two places as computed and as drawn, m.
 
 import { VIEWS } from "./camera.js";
 import { MOST_PIXELS } from "./capture.js";
@@ -53,6 +53,8 @@ export function settings(text, run) {
     torch: flag(asked, "torch", true),
     hidden: new Set(asked.getAll("hide").filter(isKnown)),
     scale: Number.isFinite(Number(asked.get("scale") ?? 1)) ? Number(asked.get("scale") ?? 1) : 1,
+    ply: Math.max(Math.round(Number(asked.get("ply"))) || 0, 0),
+    apart: Math.max(Number(asked.get("apart")) || 1, 1),
     clip: {
       on: Boolean(cut),
       axis,
@@ -104,6 +106,8 @@ export function address(state, run, { camera, time, theme }) {
     const across = clip.axis === OBLIQUE ? `n${clip.azimuth},${clip.elevation},` : "xyz"[clip.axis];
     add("cut", `${across}${short(clip.part)}${clip.flip === (clip.axis !== 2) ? "" : "f"}`);
   }
+  differs("ply", state.ply, 0);
+  differs("apart", state.apart, 1);
   differs("map", state.map, "auto");
   differs("range", state.range === "hand" ? state.hand.map((x) => short(x)).join(",") : state.range, "auto");
   differs("smooth", state.smooth, true);

@@ -3,9 +3,12 @@
 import { VIEWS } from "./camera.js";
 import { WIDTHS } from "./capture.js";
 import { OBLIQUE, extent, normalOf, placeOf } from "./plane.js";
+import { most } from "./plies.js";
 import { number, toShown, toValue, unitFor } from "./units.js";
 
 const SCALES = [0, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
+/** Distances of plies over those in the laminate. */
+const APART = [1, 2, 5, 10, 20, 50, 100];
 
 function make(tag, properties = {}, ...children) {
   const element = Object.assign(document.createElement(tag), properties);
@@ -43,6 +46,7 @@ export class Controls {
     this.#fields();
     this.#range();
     this.#bodies();
+    this.#plies();
     this.#deformation();
     this.#clip();
     this.#camera();
@@ -170,6 +174,30 @@ export class Controls {
       this.changed("look");
     });
     this.#section("Bodies", ...boxes, row("Drawn as", form), this.edges.element);
+  }
+
+  /** Plies of laminates, where there are any. */
+  #plies() {
+    const count = most(this.run.bodies);
+    if (!count) return;
+    const [{ plies }] = this.run.bodies.filter((body) => body.plies.length === count);
+    const names = plies.map(({ angle }, n) => [String(n + 1), `${n + 1}: ${number(angle)}°`]);
+    const choice = select([["0", "all"], ...names], String(this.state.ply), (ply) => {
+      this.state.ply = Number(ply);
+      this.changed("plies");
+    });
+    const text = make("output");
+    const slider = make("input", { type: "range", min: 0, max: APART.length - 1, step: 1 });
+    slider.ariaLabel = "Distance of the plies";
+    const show = () => (text.textContent = `${number(this.state.apart)} ×`);
+    slider.value = Math.max(APART.indexOf(this.state.apart), 0);
+    slider.addEventListener("input", () => {
+      this.state.apart = APART[slider.value];
+      show();
+      this.changed("plies");
+    });
+    show();
+    this.#section("Plies", row("Ply", choice), row("Apart", slider, text));
   }
 
   #deformation() {

@@ -50,6 +50,7 @@ function report(more = {}) {
   const shown = viewer && {
     window: [viewer.panels[0].canvas.clientWidth, viewer.panels[0].canvas.clientHeight],
     radius: viewer.panels[0].scene.radius,
+    box: state.box,
     drawn: viewer.panels.flatMap((panel) => panel.scene.drawn()),
     points: state.points,
     range: state.shownRange,
@@ -214,7 +215,11 @@ async function survey() {
 }
 
 async function changed(what) {
-  if (what === "field") await go(viewer.index);
+  if (what === "plies") {
+    await viewer.frame();
+    viewer.resized();
+  }
+  if (what === "field" || what === "plies") await go(viewer.index);
   if (what === "field" || what === "range") await survey();
   if (what === "field") await curves();
   if (what === "units") units();

@@ -6,6 +6,9 @@ import * as shaders from "./shaders.js";
 /** Hidden points of larger bodies are left out. */
 const MANY_POINTS = 200_000;
 
+/** Far behind everything, in radii. */
+const AWAY = 1e6;
+
 /** What is known of a picked pixel: point and body, place as computed, place as drawn. */
 const PICKED = 3;
 
@@ -190,6 +193,8 @@ export class Scene {
       out[3 * n] = (positions[3 * p] - x) / this.radius;
       out[3 * n + 1] = (positions[3 * p + 1] - y) / this.radius;
       out[3 * n + 2] = (positions[3 * p + 2] - z) / this.radius;
+      // a point without a place is out of sight
+      if (Number.isNaN(out[3 * n])) out.fill(AWAY, 3 * n, 3 * n + 3);
     }
     return out;
   }

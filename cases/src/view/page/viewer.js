@@ -7,6 +7,7 @@ import { Refused } from "./data.js";
 import { marks, projected } from "./marks.js";
 import { overlay } from "./overlay.js";
 import { normalOf, planeOf } from "./plane.js";
+import { drawnApart } from "./plies.js";
 import { Scene } from "./scene.js";
 import { number, withUnit } from "./units.js";
 
@@ -35,6 +36,8 @@ function panel(element, log) {
 export class Viewer {
   /** inputs of the scenes by the key of a body */
   #inputs = new Map();
+  /** places of the points of laminates, by body */
+  #apart = new Map();
   #latest = 0;
   #scheduled = false;
   #runRange = null;
@@ -81,12 +84,12 @@ export class Viewer {
         if (state < 0) continue;
         // a damaged state is no reason not to show the others
         const [points, motion] = await Promise.all([
-          this.data.points(body, state),
+          this.#points(body, state),
           this.#moves(body) ? this.data.vector(body, "displacement", state) : null,
         ]).catch(() => []);
-        if (!points?.values.length) continue;
-        boxes.push(box(points.values, body.spacing / 2));
-        const moved = motion && points.values.map((x, n) => x + (motion.values[n] || 0));
+        if (!points?.length) continue;
+        boxes.push(box(points, body.spacing / 2));
+        const moved = motion && points.map((x, n) => x + (motion.values[n] || 0));
         if (moved) boxes.push(box(moved, body.spacing / 2));
       }
     }
@@ -161,17 +164,30 @@ export class Viewer {
     return this.run.bodies.filter((body) => !this.state.hidden.has(body.key) && body.times.length > 0);
   }
 
+  /** Where the points of a body are drawn at rest. */
+  async #points(body, state) {
+    const points = (await this.data.points(body, state)).values;
+    const { ply, apart } = this.state;
+    if (!body.plies.length || (!ply && apart === 1)) return points;
+    const known = this.#apart.get(body.key);
+    if (known?.points === points && known.ply === ply && known.apart === apart) return known.drawn;
+    const plyOf = (await this.data.field(body, "ply", state)).values;
+    const drawn = drawnApart(points, plyOf, body.plies, { ply, apart });
+    this.#apart.set(body.key, { points, ply, apart, drawn });
+    return drawn;
+  }
+
   /** What of a body is needed to draw it at a time. */
   async #load(body, time) {
     const { data } = this;
     const state = nearest(body.times, time);
     const [points, field, motion, spacings] = await Promise.all([
-      data.points(body, state),
+      this.#points(body, state),
       this.#has(body) ? data.field(body, this.state.scalar, state) : null,
       this.#moves(body) ? data.vector(body, "displacement", state) : null,
       body.has_spacings ? data.field(body, "spacing", state) : null,
     ]);
-    return { state, points: points.values, field, values: field?.values, motion: motion?.values, spacings: spacings?.values };
+    return { state, points, field, values: field?.values, motion: motion?.values, spacings: spacings?.values };
   }
 
   /** Shows the state with this number; `false` if it cannot be read or a later call came first. */

@@ -35,23 +35,37 @@ struct Stretched {
     direction: [f64; 3],
 }
 
-/// The stretch of a bond along `xi` of this length (m) by the displacement `relative` of its end (m).
+/// Reference length of a bond. Where bonds of many points are alike, what depends on it alone is computed once.
+#[derive(Clone, Copy)]
+struct Length {
+    /// m.
+    length: f64,
+    /// 1/m.
+    inverse: f64,
+}
+
+/// The stretch of a bond along `xi` (m) by the displacement `relative` of its end (m).
 #[inline(always)]
-fn stretched<const FINITE: bool>(xi: [f64; 3], length: f64, relative: [f64; 3]) -> Stretched {
+fn stretched<const FINITE: bool>(xi: [f64; 3], reference: Length, relative: [f64; 3]) -> Stretched {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let Length { length, inverse } = reference;
     if FINITE {
         let along: [f64; 3] = std::array::from_fn(|a| xi[a] + relative[a]);
         let current = dot(along, along).max(f64::MIN_POSITIVE).sqrt();
         let sum: [f64; 3] = std::array::from_fn(|a| xi[a] + along[a]);
+        // one division, which takes longer than all of the rest, for 1 / l and 1 / (l + l0)
+        let both = current + length;
+        let inverse_product = 1.0 / (current * both);
+        let inverse_current = inverse_product * both;
         Stretched {
             // (l^2 - l0^2) / (l + l0) avoids cancellation
-            stretch: dot(relative, sum) / ((current + length) * length),
-            direction: along.map(|x| x / current),
+            stretch: dot(relative, sum) * (inverse_product * current) * inverse,
+            direction: along.map(|x| x * inverse_current),
         }
     } else {
-        let direction = xi.map(|x| x / length);
+        let direction = xi.map(|x| x * inverse);
         Stretched {
-            stretch: dot(relative, direction) / length,
+            stretch: dot(relative, direction) * inverse,
             direction,
         }
     }
@@ -69,7 +83,11 @@ fn stiffness(law: &PlyBonds, bond: &Bond, own: &Inputs, other: &Inputs) -> f64 {
 #[inline(always)]
 fn elastic<const FINITE: bool>(bond: &Bond, own: &Inputs, other: &Inputs) -> Stretched {
     let relative = std::array::from_fn(|a| other[a] - own[a]);
-    let stretched = stretched::<FINITE>([bond.xi[0], bond.xi[1], 0.0], bond.length, relative);
+    let length = Length {
+        length: bond.length,
+        inverse: bond.inverse_length,
+    };
+    let stretched = stretched::<FINITE>([bond.xi[0], bond.xi[1], 0.0], length, relative);
     let [x, y] = plane_direction(bond);
     let free = |ends: &Inputs| {
         let [xx, yy, xy] = [ends[STRAIN], ends[STRAIN + 1], ends[STRAIN + 2]];
@@ -179,8 +197,7 @@ impl<const FINITE: bool> BondLoad<LOAD_INPUTS> for Load<FINITE> {
 pub(super) struct PlyEnergy<const FINITE: bool>(pub(super) PlyBonds);
 
 impl<const FINITE: bool> BondKernel<INPUTS, 1> for PlyEnergy<FINITE> {
-    const RARE: bool = true;
-
+    #[inline(always)]
     fn bond(&self, bond: &Bond, own: Inputs, other: Inputs) -> [f64; 1] {
         let stretch = elastic::<FINITE>(bond, &own, &other).stretch;
         [0.25 * stiffness(&self.0, bond, &own, &other) * bond.length * stretch * stretch]
@@ -247,17 +264,22 @@ impl Crossing {
     ) -> CrossingPair {
         let (d, [x, y, _]) = (self.distance, bond.xi);
         let length = (bond.length * bond.length + d * d).sqrt();
+        let angle_of_stretch = 0.5 * length * length * bond.inverse_length / d;
+        let reference = Length {
+            length,
+            inverse: 1.0 / length,
+        };
         let up = std::array::from_fn(|a| other[3 + a] - own[a]);
-        let up = stretched::<FINITE>([x, y, d], length, up);
+        let up = stretched::<FINITE>([x, y, d], reference, up);
         let down = std::array::from_fn(|a| own[3 + a] - other[a]);
-        let down = stretched::<FINITE>([-x, -y, d], length, down);
-        let angle = 0.5 * length * length * (up.stretch - down.stretch) * bond.inverse_length / d;
+        let down = stretched::<FINITE>([-x, -y, d], reference, down);
+        let angle = angle_of_stretch * (up.stretch - down.stretch);
         CrossingPair {
             up,
             down,
             angle,
             length,
-            moment: bond.mean() * bond.length * self.bonds.of(plane_direction(bond)),
+            moment: bond.mean() * (bond.length * self.bonds.of(plane_direction(bond))),
         }
     }
 }
@@ -269,7 +291,7 @@ impl<const FINITE: bool> BondKernel<6, 6> for InterfaceForce<FINITE> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 6], other: [f64; 6]) -> [f64; 6] {
         let pair = self.0.pair::<FINITE>(bond, &own, &other);
-        let size = 0.5 * pair.moment * pair.angle * pair.length * bond.inverse_length;
+        let size = 0.5 * pair.length * bond.inverse_length * (pair.moment * pair.angle);
         let ([ux, uy, uz], [dx, dy, dz]) = (pair.up.direction, pair.down.direction);
         [ux, uy, uz, dx, dy, dz].map(|n| size * n)
     }
@@ -298,8 +320,7 @@ impl<const FINITE: bool> BondLoad<SHEAR_INPUTS> for InterfaceLoad<FINITE> {
 pub(super) struct InterfaceEnergy<const FINITE: bool>(pub(super) Crossing);
 
 impl<const FINITE: bool> BondKernel<6, 1> for InterfaceEnergy<FINITE> {
-    const RARE: bool = true;
-
+    #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 6], other: [f64; 6]) -> [f64; 1] {
         let pair = self.0.pair::<FINITE>(bond, &own, &other);
         [0.25 * self.0.distance * pair.moment * pair.angle * pair.angle]
@@ -334,9 +355,13 @@ pub(super) fn across(
     free: f64,
 ) -> (f64, [f64; 3]) {
     let xi = [0.0, 0.0, distance];
+    let length = Length {
+        length: distance,
+        inverse: 1.0 / distance,
+    };
     let Stretched { stretch, direction } = match finite {
-        true => stretched::<true>(xi, distance, relative),
-        false => stretched::<false>(xi, distance, relative),
+        true => stretched::<true>(xi, length, relative),
+        false => stretched::<false>(xi, length, relative),
     };
     (stretch - free, direction)
 }
