@@ -216,6 +216,20 @@ impl Layers {
         }
     }
 
+    /// Distance of a face of the cell of a point from the point, m. Stations do not lie in the middle of their cells.
+    pub(super) fn face_distance(&self, point: usize, face: Face) -> f64 {
+        let number = self.place(point).0;
+        let layer = &self.layers[number];
+        let ply = &self.plies[layer.ply];
+        let is_lowest = number == 0 || self.layers[number - 1].ply != layer.ply;
+        let low = ply.low + if is_lowest { 0.0 } else { layer.thickness };
+        match (face.axis(), face.is_upper()) {
+            (2, true) => low + layer.thickness - layer.z,
+            (2, false) => layer.z - low,
+            _ => 0.5 * self.plane.finest_spacing(),
+        }
+    }
+
     pub(super) fn bounds(&self) -> Bounds {
         let (mut low, mut high) = self.plane.bounds();
         let (first, last) = (self.plies[0], self.plies[self.plies.len() - 1]);

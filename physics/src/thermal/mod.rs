@@ -62,6 +62,8 @@ mod mixture;
 mod phases;
 mod plies;
 #[cfg(test)]
+mod ply_surface_tests;
+#[cfg(test)]
 mod plies_tests;
 mod points;
 mod prepare;
