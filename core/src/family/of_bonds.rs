@@ -31,10 +31,12 @@ impl Family {
     ) -> Family {
         let position = &body.points.position;
         let row = |point: usize| {
-            let bonds = bonds(point).into_iter().map(|PointBond { other, weights }| {
-                let xi = position[other as usize] - position[point];
-                (other, Bond::new(xi.into(), xi.norm(), weights))
-            });
+            let bonds = bonds(point)
+                .into_iter()
+                .map(|PointBond { other, weights }| {
+                    let xi = position[other as usize] - position[point];
+                    (other, Bond::new(xi.into(), xi.norm(), weights))
+                });
             Rows::of_point(point, &bonds.collect::<Vec<_>>())
         };
         let rows: Vec<Rows> = (0..position.len()).into_par_iter().map(row).collect();

@@ -223,8 +223,8 @@ impl FreeFaces {
     fn free(&self, world: &World, body: &Body, cell: &SurfaceCell) -> (f64, Option<Covered>) {
         let point = cell.point as usize;
         let spacing = body.width(point, cell.face.axis());
-        let centre = body.points.position[point]
-            + cell.face.normal() * body.face_distance(point, cell.face);
+        let centre =
+            body.points.position[point] + cell.face.normal() * body.face_distance(point, cell.face);
         let lies_at = |&&(face, position): &&(Face, f64)| {
             face == cell.face && (centre[face.axis()] - position).abs() < 0.25 * spacing
         };
@@ -288,13 +288,7 @@ impl Cover {
     }
 
     /// The fraction of a cell face that cells of the other body with material cover.
-    fn fraction(
-        &self,
-        world: &World,
-        body: &Body,
-        cell: &SurfaceCell,
-        at: Vector3<f64>,
-    ) -> f64 {
+    fn fraction(&self, world: &World, body: &Body, cell: &SurfaceCell, at: Vector3<f64>) -> f64 {
         let other = world.body(self.body);
         let own = cell.point as usize;
         let spacing = body.width(own, cell.face.axis());

@@ -62,9 +62,9 @@ mod mixture;
 mod phases;
 mod plies;
 #[cfg(test)]
-mod ply_surface_tests;
-#[cfg(test)]
 mod plies_tests;
+#[cfg(test)]
+mod ply_surface_tests;
 mod points;
 mod prepare;
 mod rates;

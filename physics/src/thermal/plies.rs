@@ -107,13 +107,16 @@ impl PlyConductivity {
         // of numbers
         rows.push(300.0);
         let phases = rows.iter().flat_map(|&t| [(t, 0.0), (t, 1.0)]);
-        phases.map(|(t, liquid)| [along.at(t, liquid), across.at(t, liquid)]).collect()
+        phases
+            .map(|(t, liquid)| [along.at(t, liquid), across.at(t, liquid)])
+            .collect()
     }
 
     /// Largest difference of k1 and k2.
     pub(super) fn largest_excess(&self) -> f64 {
         let rows = self.in_plane().into_iter();
-        rows.map(|[along, across]| (along - across).abs()).fold(0.0, f64::max)
+        rows.map(|[along, across]| (along - across).abs())
+            .fold(0.0, f64::max)
     }
 }
 
@@ -155,7 +158,10 @@ impl ConductingBonds {
         };
         let mut negative = None;
         if let Some(bonds) = bonds {
-            negative = rows.iter().find(|values| !is_positive(&bonds, **values)).copied();
+            negative = rows
+                .iter()
+                .find(|values| !is_positive(&bonds, **values))
+                .copied();
             if negative.is_none() {
                 return Ok(bonds);
             }
@@ -212,7 +218,9 @@ fn edge_depth(
     let layer = |point: usize| deep - 1 - (position[point].x / spacing) as usize;
     let middle = |point: usize| (position[point].y / spacing) as usize == wide / 2;
     let mut row = vec![0; deep];
-    (0..position.len()).filter(|p| middle(*p)).for_each(|p| row[layer(p)] = p);
+    (0..position.len())
+        .filter(|p| middle(*p))
+        .for_each(|p| row[layer(p)] = p);
     let deviation = deviation_of(DEVIATING * reach, spacing, |number, visit| {
         let point = row[number];
         family.for_each_bond(point, |_, bond, slot| {
@@ -285,13 +293,18 @@ pub(super) fn family(
     };
     let family = Family::of_bonds(body, spec, row);
     let quarter = std::f64::consts::FRAC_PI_2;
-    let edge = |angle: f64| edge_depth(&complete, spec, spacing, angle, &conductivity).unwrap_or(0.5);
+    let edge =
+        |angle: f64| edge_depth(&complete, spec, spacing, angle, &conductivity).unwrap_or(0.5);
     let of_ply: Vec<[f64; 2]> = (layers.plies().iter())
         .map(|ply| [edge(ply.angle), edge(ply.angle - quarter)])
         .collect();
     Ok(ConductingPlies {
         family,
         conductivity,
-        edges: layers.layers().iter().map(|layer| of_ply[layer.ply]).collect(),
+        edges: layers
+            .layers()
+            .iter()
+            .map(|layer| of_ply[layer.ply])
+            .collect(),
     })
 }

@@ -35,6 +35,7 @@ fn spec() -> FamilySpec {
 }
 
 /// A family with conductivities along and across the fibres and through the thickness, W/(m K).
+#[derive(Debug)]
 struct Conducting {
     family: Family,
     conductivity: [f64; 3],

@@ -20,7 +20,8 @@ impl ConductingPoints<'_> {
     pub(super) fn conductivity_along(&self, point: usize, axis: usize) -> f64 {
         let (m, t) = (self.material[point], self.temperature[point]);
         let liquid = self.curves[m as usize].liquid_fraction(t);
-        self.conduction.conductivity_along(point, axis, m, t, liquid)
+        self.conduction
+            .conductivity_along(point, axis, m, t, liquid)
     }
 
     /// Liquidus (K) of a point that is colder, and the conductivity of its melt along an axis, W/(m K).

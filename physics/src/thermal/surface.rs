@@ -121,7 +121,10 @@ struct SurfaceFlux {
 
 impl Surface {
     /// The exchanges of a body; `None` without any.
-    pub(super) fn new(exchanges: Vec<Rc<Exchange>>, distances: SurfaceDistances) -> Option<Surface> {
+    pub(super) fn new(
+        exchanges: Vec<Rc<Exchange>>,
+        distances: SurfaceDistances,
+    ) -> Option<Surface> {
         let is_there = !exchanges.is_empty();
         is_there.then(|| Surface {
             versions: vec![None; exchanges.len()],

@@ -41,8 +41,8 @@ impl BondKernel<3, 1> for PlyBonds {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 1] {
         let [across, excess, through] = std::array::from_fn(|k| other[k] - own[k]);
-        let along_weight = if bond.xi[2] == 0.0 { across } else { through };
-        [2.0 * bond.inverse_length * (bond.weight * along_weight + bond.dual * excess)]
+        let by_weight = if bond.xi[2] == 0.0 { across } else { through };
+        [2.0 * bond.inverse_length * (bond.weight * by_weight + bond.dual * excess)]
     }
 }
 
@@ -131,7 +131,11 @@ impl PlyFlow {
     fn fill(&mut self, family: &Family) {
         let fields = &self.fields;
         for (number, slots) in self.slots.iter_mut().enumerate() {
-            slots.load(family, |point: usize| fields[point][number], Mirrored::Scalar);
+            slots.load(
+                family,
+                |point: usize| fields[point][number],
+                Mirrored::Scalar,
+            );
         }
     }
 
