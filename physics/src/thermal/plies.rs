@@ -166,14 +166,7 @@ impl ConductingBonds {
                 return Ok(bonds);
             }
         }
-        let [along, across] = negative.unwrap_or(rows[0]);
-        let angle = text::number(angle.to_degrees(), 5);
-        let message = format!(
-            "bonds of a ply at {angle} degrees would have negative conductivities: {along} W/(m K) along its fibres, \
-             {across} W/(m K) across them"
-        );
-        let expected = "plies at 0, 90, 45 or -45 degrees, or conductivities that differ by less than a factor of 3";
-        Err(SetupError::value("conductivity", message, expected))
+        Err(negative_bonds(angle, negative.unwrap_or(rows[0]), &rows))
     }
 
     /// What k2 and k1 - k2 are multiplied by in the bond of two points of the plane along a unit vector. A point beyond the last one is
@@ -189,6 +182,25 @@ impl ConductingBonds {
         };
         [self.matrix.of(direction), excess]
     }
+}
+
+/// The mistake of a ply at an angle (rad) of which a bond would be negative, with conductivities for which it would, and all of them.
+fn negative_bonds(angle: f64, [along, across]: [f64; 2], rows: &[[f64; 2]]) -> SetupError {
+    let angle = text::number(angle.to_degrees(), 5);
+    let message = format!(
+        "bonds of a ply at {angle} degrees would have negative conductivities: {along} W/(m K) along its fibres, \
+         {across} W/(m K) across them"
+    );
+    let changes = rows.iter().any(|[k1, k2]| k1 < k2) && rows.iter().any(|[k1, k2]| k1 > k2);
+    let expected = match changes {
+        true => {
+            "fibres that conduct more than what is between them at all temperatures, or conductivities that differ by less than a factor of 3"
+        }
+        false => {
+            "plies at 0, 90, 45 or -45 degrees, or conductivities that differ by less than a factor of 3"
+        }
+    };
+    SetupError::value("conductivity", message, expected)
 }
 
 /// Distance of an edge of a ply from its outermost points, in spacings, across an axis from which the fibres run at an angle (rad), with the

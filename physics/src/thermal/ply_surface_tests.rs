@@ -133,13 +133,13 @@ fn potential(k: &Property, temperature: f64) -> f64 {
 /// laminate ends.
 #[test]
 fn heat_flows_through_edges_and_sides_by_resistances_in_series() {
-    let long = [0.03, 6e-3, 1e-3];
+    let long = [0.03, 3e-3, 1e-3];
     let thick = [4e-3, 4e-3, 3e-3];
     for (axis, size, angles, of_axis) in [
         (0, long, &[0.0][..], 0),
         (0, long, &[90.0], 1),
-        (1, [6e-3, 0.03, 1e-3], &[0.0, 0.0], 1),
-        (1, [6e-3, 0.03, 1e-3], &[90.0], 0),
+        (1, [3e-3, 0.03, 1e-3], &[0.0, 0.0], 1),
+        (1, [3e-3, 0.03, 1e-3], &[90.0], 0),
         (2, thick, &[0.0, 90.0, 45.0], 2),
     ] {
         for stations in [Stations::One, Stations::Two] {
@@ -150,18 +150,21 @@ fn heat_flows_through_edges_and_sides_by_resistances_in_series() {
                     let k = material.expect("given").along(of_axis).clone();
                     let h = k.at(350.0, 0.0) / size[axis];
                     let keys = format!("horizon = {horizon}\ncorrection = '{correction}'\n");
-                    let steady = format!("{keys}solver = 'steady'\ntolerance = 1e-10");
+                    let steady = format!("{keys}solver = 'steady'\ntolerance = 1e-9");
+                    let implicit = format!("{keys}solver = 'implicit'");
                     let mut plate = Exchanging::new(body.clone(), &steady, &[axis], h);
                     plate.start();
                     let found = plate.run(1.0, 1);
                     let what = format!("{axis} {angles:?} {stations:?} {horizon} {conductivity}");
                     check(&body, axis, &k, h, &found, &what, f64::from(horizon));
-                    let implicit = format!("{keys}solver = 'implicit'\ntolerance = 1e-11");
-                    let mut plate = Exchanging::new(body.clone(), &implicit, &[axis], h);
-                    plate.start();
-                    let late = plate.run(1e7, 3);
-                    for (steady, late) in found.iter().zip(late) {
-                        assert!((steady - late).abs() < 1e-3, "{what}: {steady} {late}");
+                    // an implicit step has the derivative of the heat of bonds, and ends in the same state
+                    if (horizon, stations) == (3, Stations::Two) {
+                        let mut plate = Exchanging::new(body, &implicit, &[axis], h);
+                        plate.start();
+                        let late = plate.run(1e6, 2);
+                        for (steady, late) in found.iter().zip(late) {
+                            assert!((steady - late).abs() < 1e-2, "{what}: {steady} {late}");
+                        }
                     }
                 }
             }
