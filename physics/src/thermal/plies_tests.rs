@@ -69,7 +69,7 @@ fn rates(
         family.for_each_bond(point, |_, bond, slot| {
             let other = family.point_in(slot).expect("no images");
             let [own, other] = [point, other].map(|point| potentials(at(point)));
-            let [part] = PlyBonds.bond(&bond, own, other);
+            let [part] = PlyBonds.bond(bond, own, other);
             sum += part;
         });
         sum

@@ -150,7 +150,9 @@ fn heat_flows_through_edges_and_sides_by_resistances_in_series() {
                     let k = material.expect("given").along(of_axis).clone();
                     let h = k.at(350.0, 0.0) / size[axis];
                     let keys = format!("horizon = {horizon}\ncorrection = '{correction}'\n");
-                    let steady = format!("{keys}solver = 'steady'\ntolerance = 1e-9");
+                    // thin layers exchange so much heat that residuals round off earlier
+                    let tolerance = if axis == 2 { 1e-6 } else { 1e-9 };
+                    let steady = format!("{keys}solver = 'steady'\ntolerance = {tolerance}");
                     let implicit = format!("{keys}solver = 'implicit'");
                     let mut plate = Exchanging::new(body.clone(), &steady, &[axis], h);
                     plate.start();

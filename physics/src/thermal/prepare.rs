@@ -128,15 +128,12 @@ impl RunningThermal {
             true => Some(setup.given(body, &keys::ORIENTATION)?),
             false => None,
         };
-        let carried = match keys.convection {
-            Some(convection) => Some(thermal.carried(setup, &domain, convection)?),
-            None => None,
-        };
+        let carried = (keys.convection)
+            .map(|convection| thermal.carried(setup, &domain, convection))
+            .transpose()?;
         let has_conductance = fields.conductance.is_some();
         let surface = prepare_surface(setup, body, family, &conduction, has_conductance, edges)?;
-        if conduction.has_directions() {
-            check_directions(austenite.is_some(), surface.is_some())?;
-        }
+        check_directions(&conduction, austenite.is_some(), surface.is_some())?;
         let fixed =
             fields.constraint.is_some() || surface.as_ref().is_some_and(Surface::has_conductance);
         let moves = description == Description::UpdatedLagrangian;
@@ -175,15 +172,20 @@ impl RunningThermal {
 }
 
 /// Refuses what a conductivity with directions does not know.
-fn check_directions(has_austenite: bool, has_surface: bool) -> Result<(), SetupError> {
+fn check_directions(
+    conduction: &Conduction,
+    has_austenite: bool,
+    has_surface: bool,
+) -> Result<(), SetupError> {
+    let has_directions = conduction.has_directions();
     need(
-        !has_austenite,
+        !(has_directions && has_austenite),
         "conductivity",
         "the conductivity of austenite has no directions",
         "a `conductivity` without directions, or a material without `austenite_conductivity`",
     )?;
     need(
-        !has_surface,
+        !(has_directions && has_surface),
         "conductivity",
         "boundaries that exchange heat through the surface take the same conductivity in all directions",
         "a `conductivity` without directions, or prescribed temperatures",
