@@ -237,6 +237,8 @@ mod tests {
     use crate::boundary::PrescribedFlux;
     use crate::testing::{STEEL, block, disc_in_plate};
     use perimelt_core::LayerRole;
+    use perimelt_core::body::{Layup, Stations};
+    use perimelt_core::shape::{BoxShape, Shape};
     use perimelt_core::world::SymmetryPlane;
     use perimelt_core::{Body, keys};
     use std::path::Path;
@@ -354,6 +356,37 @@ mod tests {
             // single faces may be left
             let free = of_disc.unwrap_or(0.0);
             assert!(free < 0.02 * std::f64::consts::PI, "{spacings:?}: {free}");
+        }
+    }
+
+    /// A block of which a third stands over the edge of a laminate of 6 x 6 x 1 m, on its upper side, and one against an edge of its plies.
+    #[test]
+    fn bodies_cover_sides_and_edges_of_laminates() {
+        let of = |low: [f64; 3], high: [f64; 3]| {
+            Shape::Box(BoxShape {
+                min: low,
+                max: high,
+            })
+        };
+        let layup = Layup {
+            angles: vec![0.0, 90.0],
+            ply_thickness: vec![0.25, 0.75],
+            stations: Stations::Two,
+        };
+        let plate = of([0.0; 3], [6.0, 6.0, 1.0]);
+        let mut plate = Body::stack("plate", &plate, 1.0, &layup).expect("valid");
+        plate.materials = block([1, 1, 1], 3, STEEL).materials;
+        let whole = 2.0 * 36.0 + 24.0;
+        assert_eq!(free_area_of(vec![plate.clone()], |_| ()), Ok(whole));
+        for (low, high, covered) in [
+            ([4.0, 1.0, 1.0], [7.0, 3.0, 2.0], 4.0),
+            ([6.0, 1.5, 0.0], [7.0, 3.5, 0.5], 1.0),
+            ([6.0, 1.5, 0.25], [7.0, 3.5, 1.75], 1.5),
+        ] {
+            let mut other = Body::fill("other", &of(low, high), 3, 0.25, 1.0).expect("valid");
+            other.materials = plate.materials.clone();
+            let free = free_area_of(vec![plate.clone(), other], |_| ()).expect("free faces");
+            assert!((free - (whole - covered)).abs() < 1e-9, "{low:?}: {free}");
         }
     }
 

@@ -163,18 +163,23 @@ pub(crate) struct TensorBonds {
 impl TensorBonds {
     /// The bonds with this tensor; `None` if one is negative.
     pub(crate) fn new(family: &CompleteFamily, moduli: &Matrix2<f64>) -> Option<Self> {
+        let bonds = Self::of_any_sign(family, moduli)?;
+        let mut all = family.bonds.iter();
+        all.all(|bond| bonds.of(bond.direction) >= 0.0)
+            .then_some(bonds)
+    }
+
+    /// The bonds with this tensor; `None` where bonds run in too few directions.
+    pub(crate) fn of_any_sign(family: &CompleteFamily, moduli: &Matrix2<f64>) -> Option<Self> {
         let matrix = family.moments(|[x, y]| {
             let [one, cos2, sin2, ..] = waves([1.0, 0.0], [x, y]);
             [[x * x, y * y, x * y], [one, cos2, sin2]]
         });
         let target = [moduli[(0, 0)], moduli[(1, 1)], moduli[(0, 1)]];
         let factors = solve(matrix, &target)?;
-        let bonds = TensorBonds {
+        Some(TensorBonds {
             factors: [factors[0], factors[1], factors[2]],
-        };
-        let mut all = family.bonds.iter();
-        all.all(|bond| bonds.of(bond.direction) >= 0.0)
-            .then_some(bonds)
+        })
     }
 
     /// The factor of a bond whose projection runs along a unit vector.

@@ -217,12 +217,16 @@ fn heat_of_plies() {
         ("horizon = 3", "surfaces = \"mirrored\""),
         (
             "conductivity = { axes = [8.3, 0.76, 0.2] }",
-            "conductivity = { temperature = [300, 400], value = [1, 2] }",
+            "conductivity = { axes = [{ temperature = [300, 400], value = [8.3, 0.1] }, 0.76, 0.2] }",
         ),
         ("spacing = 0.001\n", "spacing = 0.001\nperiodic = [\"x\"]\n"),
         (
             "[[couplers]]\n",
-            "[[couplers]]\ntype = \"convection\"\nfaces = [\"z+\"]\ncoefficient = 10\nambient = 300\n\n[[couplers]]\n",
+            "[[couplers]]\ntype = \"radiation\"\nfaces = [\"z+\"]\nambient = 300\n\n[[couplers]]\n",
+        ),
+        (
+            "[[couplers]]\n",
+            "[[couplers]]\ntype = \"convection\"\nregion = \"end\"\nfaces = [\"x-\"]\ncoefficient = 10\nambient = 300\n\n[[couplers]]\n",
         ),
     ] {
         assert_eq!(heated.matches(right).count(), 1, "`{right}` is there once");

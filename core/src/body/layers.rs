@@ -216,6 +216,20 @@ impl Layers {
         }
     }
 
+    /// Distance of a face of the cell of a point from the point, m. Stations do not lie in the middle of their cells.
+    pub(super) fn face_distance(&self, point: usize, face: Face) -> f64 {
+        let number = self.place(point).0;
+        let layer = &self.layers[number];
+        let ply = &self.plies[layer.ply];
+        let is_lowest = number == 0 || self.layers[number - 1].ply != layer.ply;
+        let low = ply.low + if is_lowest { 0.0 } else { layer.thickness };
+        match (face.axis(), face.is_upper()) {
+            (2, true) => low + layer.thickness - layer.z,
+            (2, false) => layer.z - low,
+            _ => 0.5 * self.plane.finest_spacing(),
+        }
+    }
+
     pub(super) fn bounds(&self) -> Bounds {
         let (mut low, mut high) = self.plane.bounds();
         let (first, last) = (self.plies[0], self.plies[self.plies.len() - 1]);
@@ -372,6 +386,45 @@ mod tests {
         assert_eq!(body.neighbour(0, Face::ZMax), Some(6));
         assert_eq!(body.neighbour(6, Face::XMax), Some(7));
         assert!(body.fills_box());
+    }
+
+    #[test]
+    fn cells_of_stations_meet_at_their_faces() {
+        for stations in [Stations::One, Stations::Two] {
+            let thickness = [0.005, 0.015, 0.01];
+            let body = plate(&layup(&[0.0, 45.0, 90.0], &thickness, stations)).expect("valid");
+            let (low, high) = body.bounds();
+            for (point, x) in body.points.position.iter().enumerate() {
+                let [below, above] = [Face::ZMin, Face::ZMax].map(|f| body.face_distance(point, f));
+                let width = body.width(point, 2);
+                assert!(below > 0.0 && above > 0.0 && (below + above - width).abs() < 1e-15);
+                let next = match body.neighbour(point, Face::ZMax) {
+                    Some(other) => {
+                        let below = body.face_distance(other, Face::ZMin);
+                        body.points.position[other].z - below
+                    }
+                    None => high.z,
+                };
+                assert!((x.z + above - next).abs() < 1e-14, "{stations:?}, {x}");
+            }
+            let lowest = body.points.position[0].z - body.face_distance(0, Face::ZMin);
+            assert!((lowest - low.z).abs() < 1e-14);
+            assert_eq!(body.face_distance(0, Face::XMin), 0.05);
+        }
+    }
+
+    #[test]
+    fn edges_of_a_round_plate_have_its_circumference() {
+        let shape = "cylinder = { start = [0, 0, 0], end = [0, 0, 0.03], radius = 1 }";
+        let shape: Shape = toml::from_str(shape).expect("a shape");
+        let layup = layup(&[0.0, 90.0], &[], Stations::Two);
+        let body = Body::stack("plate", &shape, 0.05, &layup).expect("valid");
+        let faces = Face::ALL.into_iter().filter(|f| f.axis() < 2);
+        let edges = body.surface(&faces.collect::<Vec<_>>());
+        let area: f64 = edges.iter().map(|cell| cell.area).sum();
+        let expected = 2.0 * std::f64::consts::PI * 0.03;
+        // steps of squares have 4 / pi times as much
+        assert!((area / expected - 1.0).abs() < 0.01, "{area} {expected}");
     }
 
     #[test]

@@ -314,6 +314,16 @@ impl Body {
         }
     }
 
+    /// Distance of a face of the cell of a point from the point, m.
+    pub fn face_distance(&self, point: usize, face: Face) -> f64 {
+        match &self.discretisation {
+            Discretisation::Layers(layers) => layers.face_distance(point, face),
+            Discretisation::Lattice(_) | Discretisation::Cloud(_) => {
+                0.5 * self.points.spacing[point]
+            }
+        }
+    }
+
     /// Smallest spacing of a point, m.
     pub fn finest_spacing(&self) -> f64 {
         match self.lattice() {
@@ -427,9 +437,21 @@ impl Body {
 
     /// Whether the cell of a point has a bare face in a direction that is a step of an inclined or curved surface.
     pub(crate) fn is_step(&self, point: usize, face: Face) -> bool {
-        let outline = self.outline.as_ref();
-        self.neighbour(point, face).is_none()
-            && outline.is_some_and(|o| o.fraction(&self.points, point, face).1)
+        self.neighbour(point, face).is_none() && self.true_surface(point, face).1
+    }
+
+    /// Area of the true surface over that of a bare face of a cell, and whether that is a step of it.
+    fn true_surface(&self, point: usize, face: Face) -> (f64, bool) {
+        match &self.discretisation {
+            // edges of plies are those of the plane
+            Discretisation::Layers(layers) if face.axis() < 2 => {
+                layers.plane().true_surface(layers.place(point).1, face)
+            }
+            _ => {
+                let outline = self.outline.as_ref();
+                outline.map_or((1.0, false), |o| o.fraction(&self.points, point, face))
+            }
+        }
     }
 
     /// Bare cell faces with a normal among `faces`; for a cloud, with the bare part of their area.
@@ -463,9 +485,7 @@ impl Body {
                 };
                 if bare > 0.0 {
                     let face_area = bare * whole;
-                    let outline = self.outline.as_ref();
-                    let (fraction, is_step) =
-                        outline.map_or((1.0, false), |o| o.fraction(&self.points, point, face));
+                    let (fraction, is_step) = self.true_surface(point, face);
                     surface.push(SurfaceCell {
                         point: point as u32,
                         face,

@@ -14,8 +14,8 @@ use super::{Bond, CloudRows, Family, FamilySpec, PointSlots, Rows, Span, Store};
 pub struct PointBond {
     /// The point at its other end.
     pub other: u32,
-    /// `mean(w)`, 1/m: the weight from both ends ([`Bond::mean`]).
-    pub weight: f64,
+    /// 1/m: `weight` and `dual` of the [`Bond`], which a kernel may take for the weights of two fluxes.
+    pub weights: [f64; 2],
 }
 
 impl Family {
@@ -31,10 +31,12 @@ impl Family {
     ) -> Family {
         let position = &body.points.position;
         let row = |point: usize| {
-            let bonds = bonds(point).into_iter().map(|PointBond { other, weight }| {
-                let xi = position[other as usize] - position[point];
-                (other, Bond::new(xi.into(), xi.norm(), [weight; 2]))
-            });
+            let bonds = bonds(point)
+                .into_iter()
+                .map(|PointBond { other, weights }| {
+                    let xi = position[other as usize] - position[point];
+                    (other, Bond::new(xi.into(), xi.norm(), weights))
+                });
             Rows::of_point(point, &bonds.collect::<Vec<_>>())
         };
         let rows: Vec<Rows> = (0..position.len()).into_par_iter().map(row).collect();
@@ -83,7 +85,10 @@ mod tests {
         let body = Body::fill("row", &shape, 3, 1.0, 1.0).expect("valid");
         // each point with the last one, two or three spacings away
         let bonds = |point: usize| {
-            let to = |other: u32| PointBond { other, weight: 6.0 };
+            let to = |other: u32| PointBond {
+                other,
+                weights: [6.0; 2],
+            };
             match point {
                 3 => vec![to(0), to(1)],
                 0 | 1 => vec![to(3)],

@@ -191,8 +191,7 @@ struct Cover {
     body: BodyIndex,
     name: String,
     cells: CellList,
-    /// Half edges of the cells, m.
-    half: Vec<f64>,
+    /// Largest edge of a cell, m.
     reach: f64,
 }
 
@@ -223,8 +222,9 @@ impl FreeFaces {
     /// The part of a cell face that is free, from 0 to 1, and what covers the rest.
     fn free(&self, world: &World, body: &Body, cell: &SurfaceCell) -> (f64, Option<Covered>) {
         let point = cell.point as usize;
-        let spacing = body.points.spacing[point];
-        let centre = body.points.position[point] + cell.face.normal() * (0.5 * spacing);
+        let spacing = body.width(point, cell.face.axis());
+        let centre =
+            body.points.position[point] + cell.face.normal() * body.face_distance(point, cell.face);
         let lies_at = |&&(face, position): &&(Face, f64)| {
             face == cell.face && (centre[face.axis()] - position).abs() < 0.25 * spacing
         };
@@ -238,7 +238,7 @@ impl FreeFaces {
         let mut free = 1.0;
         let mut by = None;
         for cover in &self.covers {
-            let covered = cover.fraction(world, body.dimension, cell, centre, spacing);
+            let covered = cover.fraction(world, body, cell, centre);
             if covered > 0.0 {
                 free -= covered;
                 by = Some(Covered::Body(cover.name.clone()));
@@ -274,46 +274,48 @@ impl Cover {
         if other.dimension != this.dimension || !(0..this.dimension).all(touches) {
             return None;
         }
-        let half: Vec<f64> = other.points.spacing.iter().map(|s| 0.5 * s).collect();
-        let reaches: Vec<f64> = half.iter().map(|h| 2.0 * h).collect();
+        let edge = |point: usize| {
+            let edges = (0..other.dimension).map(|axis| other.width(point, axis));
+            edges.fold(0.0, f64::max)
+        };
+        let reaches: Vec<f64> = (0..other.points.len()).map(edge).collect();
         Some(Cover {
             body,
             name: other.name.clone(),
             cells: CellList::new(&other.points.position, &reaches),
-            reach: 2.0 * half.iter().copied().fold(0.0, f64::max),
-            half,
+            reach: reaches.iter().copied().fold(0.0, f64::max),
         })
     }
 
     /// The fraction of a cell face that cells of the other body with material cover.
-    fn fraction(
-        &self,
-        world: &World,
-        dimension: usize,
-        cell: &SurfaceCell,
-        at: Vector3<f64>,
-        spacing: f64,
-    ) -> f64 {
+    fn fraction(&self, world: &World, body: &Body, cell: &SurfaceCell, at: Vector3<f64>) -> f64 {
         let other = world.body(self.body);
+        let own = cell.point as usize;
+        let spacing = body.width(own, cell.face.axis());
         let (axis, outward) = (cell.face.axis(), cell.face.normal()[cell.face.axis()]);
         let opposite = cell.face.opposite();
         let mut covered = 0.0;
         let farthest = cell.contact_distance([spacing, self.reach], true);
-        let reach = self.reach + spacing.max(farthest);
+        let edges = (0..body.dimension).map(|a| body.width(own, a));
+        let reach = self.reach + edges.fold(farthest, f64::max);
         self.cells.visit_near(&at, reach, |point| {
-            let half = self.half[point];
-            let between = other.points.position[point] - at;
+            let place = &other.points.position[point];
             // from the face to that of the other cell
-            let gap = between[axis] * outward - half;
-            let distance = |is_step| cell.contact_distance([spacing, 2.0 * half], is_step);
+            let gap = (place - at)[axis] * outward - other.face_distance(point, opposite);
+            let spacings = [spacing, other.width(point, axis)];
+            let distance = |is_step| cell.contact_distance(spacings, is_step);
             let is_beside = gap.abs() <= distance(false)
                 || gap.abs() <= distance(true) && other.is_step(point, opposite);
             if !is_beside || !world.has_material(self.body, point) {
                 return;
             }
-            let along = (0..dimension).filter(|a| *a != axis).map(|a| {
-                let common = 0.5 * spacing + half - between[a].abs();
-                common.clamp(0.0, spacing.min(2.0 * half)) / spacing
+            let along = (0..body.dimension).filter(|a| *a != axis).map(|a| {
+                let [lower, upper] = [Face::ALL[2 * a], Face::ALL[2 * a + 1]];
+                let high = (at[a] + body.face_distance(own, upper))
+                    .min(place[a] + other.face_distance(point, upper));
+                let low = (at[a] - body.face_distance(own, lower))
+                    .max(place[a] - other.face_distance(point, lower));
+                (high - low).max(0.0) / body.width(own, a)
             });
             covered += along.product::<f64>();
         });

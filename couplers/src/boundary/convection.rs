@@ -176,7 +176,7 @@ impl RunningCoupler for RunningConvection {
     }
 }
 
-perimelt_core::register_coupler!("convection", Convection, supports: [Flow, Births, Cuts, Window]);
+perimelt_core::register_coupler!("convection", Convection, supports: [Flow, Births, Cuts, Window, Layers]);
 
 #[cfg(test)]
 mod tests {

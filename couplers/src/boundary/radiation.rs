@@ -169,7 +169,7 @@ impl RunningCoupler for RunningRadiation {
     }
 }
 
-perimelt_core::register_coupler!("radiation", Radiation, supports: [Flow, Births, Cuts, Window]);
+perimelt_core::register_coupler!("radiation", Radiation, supports: [Flow, Births, Cuts, Window, Layers]);
 
 #[cfg(test)]
 mod tests {

@@ -313,7 +313,7 @@ impl CarriedHeat {
             let spacing = body.points.spacing[i];
             let speed = velocity[i].norm();
             let sum = laplacian / (spacing * spacing);
-            let given = points.conductivity(i) / capacity;
+            let given = points.conductivity_along(i, 0) / capacity;
             capacity * convection.missing_diffusivity(speed, spacing, sum, given) / sum
         };
         let all = (0..velocity.len()).into_par_iter();

@@ -12,13 +12,17 @@
 //! spacing. Between materials the parts of a bond conduct in series ([`interfaces`](super::interfaces)); in the ordinary form
 //! its conductivity is the mean of the ends.
 
+mod at_points;
 mod change;
+mod derivatives;
 mod load;
+mod ply_flow;
 mod row_sums;
 
 use std::sync::Arc;
 
 use nalgebra::Vector3;
+use perimelt_core::body::Layers;
 use perimelt_core::family::LayerRule;
 use perimelt_core::material::{EnthalpyCurve, HeatPotential, Property};
 use perimelt_core::solver::reduce::max_abs;
@@ -29,7 +33,11 @@ use super::conductivity::Directions;
 use super::interfaces::{Across, Interfaces, MaterialPoints, Mixed};
 use super::mixture::{MixedConductivity, MixedFluids};
 use super::phases::{ConductingPhase, Series};
+use super::plies::ConductingPlies;
 use super::states::{OrdinaryState, StateFlow};
+use derivatives::SecondDerivatives;
+pub(super) use ply_flow::PlyBonds;
+use ply_flow::PlyFlow;
 
 /// The conduction operator with its work arrays.
 #[derive(Debug)]
@@ -63,6 +71,8 @@ pub(super) struct Conduction {
     austenite: Option<ConductingPhase>,
     /// Two fluids, where there are two of different conductivities.
     fluids: Option<MixedConductivity>,
+    /// Plies of a lay-up.
+    plies: Option<PlyFlow>,
     /// Interfaces in the form of bonds, where the body has several materials and no powder.
     interfaces: Option<Interfaces>,
     /// Slots of layer points with temperatures of their own, K.
@@ -96,6 +106,8 @@ enum BondConductivity {
     Mixed,
     /// The conductivities and gradients of their ends, in the ordinary form.
     States,
+    /// The potentials of the three conductivities of plies.
+    Plies,
 }
 
 /// Kernels with their fields by slot: temperatures (K) or potentials (W/m); temperatures and conductivities (W/(m K)); both
@@ -106,17 +118,7 @@ enum KernelInputs<'a> {
     Across([&'a [f64]; 3]),
     Mixed([&'a [f64]; 5]),
     States(StateFlow, [&'a [f64]; 5]),
-}
-
-/// The form of second derivatives.
-#[derive(Debug)]
-struct SecondDerivatives {
-    pddo: Arc<Pddo>,
-    work: Derivatives,
-    /// One row for each point: the gradient of the temperature, then its Laplacian.
-    temperature: Vec<f64>,
-    /// One row for each point: the gradient of the conductivity.
-    conductivity: Vec<f64>,
+    Plies([&'a [f64]; 3]),
 }
 
 /// Family, boundary rules and materials of a body.
@@ -178,11 +180,20 @@ impl Conduction {
             powder: None,
             austenite: None,
             fluids: None,
+            plies: None,
             interfaces: has_interfaces.then(|| Interfaces::new(points)),
             layers: Vec::new(),
             broken: None,
             rate: vec![[0.0]; points],
         }
+    }
+
+    /// Conduction by the bonds of plies.
+    pub(super) fn by_plies(body: &Body, layers: &Layers, plies: &ConductingPlies) -> Self {
+        let points = body.points.len();
+        let mut conduction = Conduction::by_bonds(&plies.family, Vec::new(), points, 1.0);
+        conduction.plies = Some(PlyFlow::new(plies.conductivity.clone(), layers));
+        conduction
     }
 
     /// Conduction by second derivatives.
@@ -346,6 +357,9 @@ impl Conduction {
             KernelInputs::States(kernel, inputs) => {
                 family.sum_unbroken(&kernel, inputs, broken, &mut rate);
             }
+            KernelInputs::Plies(inputs) => {
+                family.sum_unbroken(&PlyBonds, inputs, broken, &mut rate);
+            }
         }
         self.rate = rate;
     }
@@ -370,6 +384,10 @@ impl Conduction {
                 let (kernel, inputs) = states.flow(temperature, conductivity);
                 KernelInputs::States(kernel, inputs)
             }
+            BondConductivity::Plies => {
+                let plies = self.plies.as_ref().expect("loaded from them");
+                KernelInputs::Plies(plies.inputs())
+            }
             BondConductivity::Mixed => KernelInputs::Mixed([
                 temperature,
                 conductivity,
@@ -378,39 +396,6 @@ impl Conduction {
                 distance,
             ]),
         }
-    }
-
-    fn flow_by_derivatives(&mut self) {
-        let Some(derivatives) = &mut self.derivatives else {
-            return;
-        };
-        let SecondDerivatives {
-            pddo,
-            work,
-            temperature,
-            conductivity,
-        } = derivatives;
-        pddo.gradient_and_laplacian(&self.temperature_slots, work, temperature);
-        let is_uniform = self.loaded == BondConductivity::Uniform;
-        if !is_uniform {
-            pddo.gradient(&self.conductivity_slots, work, conductivity);
-        }
-        let dimension = pddo.dimension();
-        let (uniform, field) = (self.uniform, &self.conductivity_field);
-        let conductivity = &*conductivity;
-        let rows = self.rate.par_iter_mut().enumerate().with_min_len(1024);
-        rows.for_each(|(i, [rate])| {
-            let row = &temperature[i * (dimension + 1)..][..dimension + 1];
-            let own = match uniform {
-                Some(k) if is_uniform => k,
-                _ => field[i],
-            };
-            *rate = own * row[dimension];
-            if !is_uniform {
-                let slope = &conductivity[i * dimension..][..dimension];
-                *rate += (0..dimension).map(|a| slope[a] * row[a]).sum::<f64>();
-            }
-        });
     }
 
     /// Heat that flows in through layers with prescribed values, W, from what was loaded, for points of these volumes
@@ -427,6 +412,8 @@ impl Conduction {
             KernelInputs::Across(inputs) => family.sum_from_layers(&Across, inputs, add),
             KernelInputs::Mixed(inputs) => family.sum_from_layers(&Mixed, inputs, add),
             KernelInputs::States(kernel, inputs) => family.sum_from_layers(&kernel, inputs, add),
+            // layers of plies end
+            KernelInputs::Plies(_) => {}
         }
         total
     }
@@ -441,45 +428,12 @@ impl Conduction {
         if let Some(directions) = &self.directions {
             return directions.is_constant();
         }
+        if let Some(plies) = &self.plies {
+            return plies.is_constant();
+        }
         let by_austenite = self.austenite.is_some();
         self.uniform.is_some()
             || !by_austenite && self.conductivity.iter().all(Property::is_constant)
-    }
-
-    /// Conductivity of a point of a material at a temperature (K) and liquid fraction, W/(m K); the mean over its axes where it has
-    /// directions.
-    pub(super) fn conductivity(
-        &self,
-        point: usize,
-        material: u16,
-        temperature: f64,
-        liquid: f64,
-    ) -> f64 {
-        let m = material as usize;
-        if let Some(directions) = &self.directions {
-            return directions.mean(m, temperature, liquid);
-        }
-        if let Some(fluids) = &self.fluids {
-            return fluids.at(&self.conductivity, point, temperature);
-        }
-        let mut conductivity = self.conductivity[m].at(temperature, liquid);
-        if let Some(austenite) = &self.austenite {
-            conductivity = austenite.mixed(point, m, temperature, conductivity, 1.0 - liquid);
-        }
-        if let Some(powder) = &self.powder {
-            conductivity = powder.mixed(point, m, temperature, conductivity, 1.0);
-        }
-        conductivity
-    }
-
-    /// Conductivity of molten material at a temperature, W/(m K): what was powder is dense.
-    pub(super) fn melt_conductivity(&self, material: u16, temperature: f64) -> f64 {
-        self.conductivity[material as usize].at(temperature, 1.0)
-    }
-
-    /// Largest conductivity of a material, W/(m K).
-    pub(super) fn largest_conductivity(&self, material: u16) -> f64 {
-        self.largest[material as usize]
     }
 }
 

@@ -63,6 +63,8 @@ mod phases;
 mod plies;
 #[cfg(test)]
 mod plies_tests;
+#[cfg(test)]
+mod ply_surface_tests;
 mod points;
 mod prepare;
 mod rates;

@@ -10,51 +10,113 @@
 //! along the fibres, and where fibres conduct less than what is between them, C has waves of 2 psi, as long as no bond is negative. Linear
 //! temperatures are in equilibrium, with the exact flux: across plies the parts conduct in series. The published model exchanges heat between plies
 //! over a disc, which is off by the sum over the disc where plies are thinner than the spacing.
+//!
+//! C is linear in k2 and k1 - k2: a bond has a weight for each ([`PointBond`]), and conductivities may depend on the temperature.
 
 use std::sync::Arc;
 
 use perimelt_core::body::{Layer, Layers};
 use perimelt_core::family::PointBond;
-use perimelt_core::material::{Directional, Property};
+use perimelt_core::material::{Directional, EnthalpyCurve, HeatPotential, Property};
+use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::{Body, Family, FamilySpec, SetupError, text};
 
+use super::surface_depth::{DEEP, DEVIATING, deviation_of};
 use crate::plies::{
     CompleteFamily, TensorBonds, fibre_factors, is_along, plane_direction, turned, uncut,
 };
 
-/// Conductivities of a ply along and across its fibres and through its thickness, W/(m K).
-#[derive(Clone, Copy, Debug)]
-struct PlyConductivity([f64; 3]);
+/// Conductivities of plies along and across their fibres and through their thickness, W/(m K).
+#[derive(Clone, Debug)]
+pub(super) struct PlyConductivity([Property; 3]);
 
-/// Conductivity of the bonds of a ply, W/(m K), by their direction.
+/// What conducts in the bonds of a ply, by their direction.
 #[derive(Debug)]
 struct ConductingBonds {
     fibre: [f64; 2],
+    /// Of k2.
     matrix: TensorBonds,
-    /// Added to bonds along the fibres.
-    increment: f64,
-    /// By point of the plane; empty where it is one.
-    factors: Vec<f64>,
+    /// Of k1 - k2.
+    excess: Excess,
+}
+
+/// How bonds carry what fibres conduct beyond the rest.
+#[derive(Debug)]
+enum Excess {
+    /// By bonds along the fibres.
+    Fibre {
+        /// Over the excess of the conductivity.
+        increment: f64,
+        /// By point of the plane; empty where it is one.
+        factors: Vec<f64>,
+    },
+    /// By waves over all directions.
+    Waves(TensorBonds),
+}
+
+/// The family by which a laminate conducts.
+pub(super) struct ConductingPlies {
+    pub(super) family: Family,
+    pub(super) conductivity: PlyConductivity,
+    /// Distances of the edges of each layer across x and y from its outermost points, in spacings.
+    pub(super) edges: Vec<[f64; 2]>,
 }
 
 impl PlyConductivity {
     fn of(body: &Body, found: &[Directional<Property>]) -> Result<Self, SetupError> {
-        let refuse = |message: String| {
-            let expected = "the same numbers at all temperatures for all plies";
-            Err(SetupError::value("conductivity", message, expected))
-        };
         let [conductivity] = found else {
             let message = format!("body `{}` has plies of several materials", body.name);
-            return refuse(message);
+            let expected = "one material for all plies";
+            return Err(SetupError::value("conductivity", message, expected));
         };
-        let along = [0, 1, 2].map(|axis| conductivity.along(axis).constant());
-        match along {
-            [Some(first), Some(second), Some(third)] => Ok(PlyConductivity([first, second, third])),
-            _ => {
-                let message = format!("`conductivity` of body `{}` is a table", body.name);
-                refuse(message)
-            }
-        }
+        let axes = [0, 1, 2].map(|axis| conductivity.along(axis).clone());
+        Ok(PlyConductivity(axes))
+    }
+
+    pub(super) fn is_constant(&self) -> bool {
+        self.0.iter().all(Property::is_constant)
+    }
+
+    /// At a temperature (K) and liquid fraction.
+    pub(super) fn at(&self, temperature: f64, liquid: f64) -> [f64; 3] {
+        self.0.each_ref().map(|k| k.at(temperature, liquid))
+    }
+
+    pub(super) fn potentials(&self, curve: &EnthalpyCurve) -> [HeatPotential; 3] {
+        self.0.each_ref().map(|k| HeatPotential::new(k, curve))
+    }
+
+    /// The largest of each.
+    pub(super) fn largest(&self) -> [f64; 3] {
+        self.0.each_ref().map(|k| max_abs(&k.values()))
+    }
+
+    /// The mean of the given values of each.
+    fn mean(&self) -> [f64; 3] {
+        self.0.each_ref().map(|k| {
+            let values = k.values();
+            values.iter().sum::<f64>() / values.len() as f64
+        })
+    }
+
+    /// k1 and k2 at the rows of their tables, solid and liquid: what depends on them monotonically has its extremes here.
+    fn in_plane(&self) -> Vec<[f64; 2]> {
+        let [along, across, _] = &self.0;
+        let mut rows = [along.temperatures(), across.temperatures()].concat();
+        // of numbers
+        rows.push(300.0);
+        let phases = rows.iter().flat_map(|&t| [(t, 0.0), (t, 1.0)]);
+        phases
+            .map(|(t, liquid)| [along.at(t, liquid), across.at(t, liquid)])
+            .collect()
+    }
+
+    /// Largest difference of k1 and k2.
+    pub(super) fn largest_excess(&self) -> f64 {
+        let rows = self.in_plane().into_iter();
+        rows.map(|[along, across]| (along - across).abs())
+            .fold(0.0, f64::max)
     }
 }
 
@@ -63,75 +125,152 @@ impl ConductingBonds {
         family: &CompleteFamily,
         uncut: &Family,
         angle: f64,
-        [along, across, _]: [f64; 3],
+        conductivity: &PlyConductivity,
     ) -> Result<Self, SetupError> {
         let (sin, cos) = angle.sin_cos();
         let fibre = [cos, sin];
         let row = family.moment_along(fibre);
+        let rows = conductivity.in_plane();
+        let has_increment = row > 0.0 && rows.iter().all(|[along, across]| along >= across);
         // the moments have a factor of one half
-        let by = |values: [f64; 2]| {
-            let bonds = TensorBonds::new(family, &(0.5 * turned(fibre, values)));
-            bonds.ok_or_else(|| {
-                let angle = text::number(angle.to_degrees(), 5);
-                let message = format!(
-                    "bonds of a ply at {angle} degrees would have negative conductivities: {along} W/(m K) along its fibres, \
-                     {across} W/(m K) across them"
-                );
-                let expected = "plies at 0, 90, 45 or -45 degrees, or conductivities that differ by less than a factor of 3";
-                SetupError::value("conductivity", message, expected)
-            })
+        let by = |values| TensorBonds::of_any_sign(family, &(0.5 * turned(fibre, values)));
+        let excess = match has_increment {
+            true => Some(Excess::Fibre {
+                increment: 1.0 / row,
+                factors: fibre_factors(uncut, family, fibre),
+            }),
+            false => by([1.0, 0.0]).map(Excess::Waves),
         };
-        let has_increment = row > 0.0 && along > across;
-        Ok(ConductingBonds {
+        let bonds = by([1.0, 1.0]).zip(excess);
+        let bonds = bonds.map(|(matrix, excess)| ConductingBonds {
             fibre,
-            matrix: by([if has_increment { across } else { along }, across])?,
-            increment: if has_increment {
-                (along - across) / row
-            } else {
-                0.0
-            },
-            factors: match has_increment {
-                true => fibre_factors(uncut, family, fibre),
-                false => Vec::new(),
-            },
-        })
+            matrix,
+            excess,
+        });
+        let is_positive = |bonds: &ConductingBonds, [along, across]: [f64; 2]| {
+            let conducts = |direction: [f64; 2]| {
+                let [matrix, excess] = bonds.of(direction, [usize::MAX; 2]);
+                across * matrix + (along - across) * excess
+            };
+            // rounding
+            let least = -1e-12 * along.max(across);
+            family.bonds.iter().all(|b| conducts(b.direction) >= least)
+        };
+        let mut negative = None;
+        if let Some(bonds) = bonds {
+            negative = rows
+                .iter()
+                .find(|values| !is_positive(&bonds, **values))
+                .copied();
+            if negative.is_none() {
+                return Ok(bonds);
+            }
+        }
+        Err(negative_bonds(angle, negative.unwrap_or(rows[0]), &rows))
     }
 
-    /// Conductivity of the bond of two points of the plane along a unit vector.
-    fn of(&self, direction: [f64; 2], points: [usize; 2]) -> f64 {
-        let matrix = self.matrix.of(direction);
-        if self.increment == 0.0 || !is_along(self.fibre, direction) {
-            return matrix;
-        }
-        let factor = |point: usize| self.factors.get(point).copied().unwrap_or(1.0);
-        matrix + 0.5 * (factor(points[0]) + factor(points[1])) * self.increment
+    /// What k2 and k1 - k2 are multiplied by in the bond of two points of the plane along a unit vector. A point beyond the last one is
+    /// one inside.
+    fn of(&self, direction: [f64; 2], points: [usize; 2]) -> [f64; 2] {
+        let excess = match &self.excess {
+            Excess::Waves(bonds) => bonds.of(direction),
+            Excess::Fibre { increment, factors } if is_along(self.fibre, direction) => {
+                let factor = |point: usize| factors.get(point).copied().unwrap_or(1.0);
+                0.5 * (factor(points[0]) + factor(points[1])) * increment
+            }
+            Excess::Fibre { .. } => 0.0,
+        };
+        [self.matrix.of(direction), excess]
     }
 }
 
-/// The family by which a laminate conducts with the conductivity through its thickness, W/(m K), which comes with it.
+/// The mistake of a ply at an angle (rad) of which a bond would be negative, with conductivities for which it would, and all of them.
+fn negative_bonds(angle: f64, [along, across]: [f64; 2], rows: &[[f64; 2]]) -> SetupError {
+    let angle = text::number(angle.to_degrees(), 5);
+    let message = format!(
+        "bonds of a ply at {angle} degrees would have negative conductivities: {along} W/(m K) along its fibres, \
+         {across} W/(m K) across them"
+    );
+    let changes = rows.iter().any(|[k1, k2]| k1 < k2) && rows.iter().any(|[k1, k2]| k1 > k2);
+    let expected = match changes {
+        true => {
+            "fibres that conduct more than what is between them at all temperatures, or conductivities that differ by less than a factor of 3"
+        }
+        false => {
+            "plies at 0, 90, 45 or -45 degrees, or conductivities that differ by less than a factor of 3"
+        }
+    };
+    SetupError::value("conductivity", message, expected)
+}
+
+/// Distance of an edge of a ply from its outermost points, in spacings, across an axis from which the fibres run at an angle (rad), with the
+/// means of the conductivities: see [`surface_depth`](super::surface_depth).
+fn edge_depth(
+    complete: &CompleteFamily,
+    spec: &FamilySpec,
+    spacing: f64,
+    angle: f64,
+    conductivity: &PlyConductivity,
+) -> Option<f64> {
+    let reach = (spec.horizon.of(spacing) / spacing).ceil().max(1.0) as usize;
+    // the neighbours of the middle row are complete across it
+    let (deep, wide) = (DEEP * reach, 4 * reach + 1);
+    let shape = Shape::Box(BoxShape {
+        min: [0.0; 3],
+        max: [deep as f64 * spacing, wide as f64 * spacing, spacing],
+    });
+    let plane = Body::fill("half plane", &shape, 2, spacing, 1.0).ok()?;
+    let family = Family::build(&plane, spec).ok()?;
+    let bonds = ConductingBonds::new(complete, &family, angle, conductivity).ok()?;
+    let [along, across, _] = conductivity.mean();
+    let (sin, cos) = angle.sin_cos();
+    let normal = along * cos * cos + across * sin * sin;
+    let position = &plane.points.position;
+    // the surface is at the upper end of x
+    let layer = |point: usize| deep - 1 - (position[point].x / spacing) as usize;
+    let middle = |point: usize| (position[point].y / spacing) as usize == wide / 2;
+    let mut row = vec![0; deep];
+    (0..position.len())
+        .filter(|p| middle(*p))
+        .for_each(|p| row[layer(p)] = p);
+    let deviation = deviation_of(DEVIATING * reach, spacing, |number, visit| {
+        let point = row[number];
+        family.for_each_bond(point, |_, bond, slot| {
+            if let Some(other) = family.point_in(slot) {
+                let [matrix, excess] = bonds.of(plane_direction(bond), [point, other]);
+                let conducts = across * matrix + (along - across) * excess;
+                let coefficient = 2.0 * bond.mean() * bond.inverse_length * conducts / normal;
+                visit(layer(other), coefficient);
+            }
+        });
+    });
+    deviation.map(|c| (0.5 - c).clamp(0.0, 1.5))
+}
+
+/// The family by which a laminate conducts.
 ///
 /// # Errors
-/// Conductivities that are no numbers or would make bonds negative, a periodic body, a horizon that reaches no point.
+/// Plies of several materials, conductivities that would make bonds negative, a periodic body, a horizon that reaches no point.
 pub(super) fn family(
     body: &Body,
     layers: &Layers,
     spec: &FamilySpec,
     found: &[Directional<Property>],
-) -> Result<(Family, f64), SetupError> {
+) -> Result<ConductingPlies, SetupError> {
     if body.periodic.contains(&true) {
         let message = format!("body `{}` has a `layup` and is periodic", body.name);
         let expected = "a body with a `layup` that is not `periodic`, which ends insulated";
         return Err(SetupError::value("body", message, expected));
     }
-    let PlyConductivity(conductivity) = PlyConductivity::of(body, found)?;
+    let conductivity = PlyConductivity::of(body, found)?;
     let of_family = |e| SetupError::new("horizon", e);
     let plane = Arc::new(Family::build(layers.plane(), spec).map_err(of_family)?);
     let uncut = uncut(layers.plane(), &plane).map_err(of_family)?;
-    let complete = CompleteFamily::new(body.finest_spacing(), spec).map_err(of_family)?;
-    let through = conductivity[2];
+    let spacing = body.finest_spacing();
+    let complete = CompleteFamily::new(spacing, spec).map_err(of_family)?;
     let bonds_of = |layer: &Layer| {
         let angle = layers.plies()[layer.ply].angle;
-        ConductingBonds::new(&complete, &uncut, angle, conductivity)
+        ConductingBonds::new(&complete, &uncut, angle, &conductivity)
     };
     let bonds: Result<Vec<ConductingBonds>, SetupError> =
         layers.layers().iter().map(bonds_of).collect();
@@ -145,7 +284,7 @@ pub(super) fn family(
         let mut beside = |other: usize| {
             row.push(PointBond {
                 other: (other * points + number) as u32,
-                weight: across,
+                weights: [across, 0.0],
             });
         };
         layer.checked_sub(1).into_iter().for_each(&mut beside);
@@ -155,14 +294,29 @@ pub(super) fn family(
             .for_each(&mut beside);
         plane.for_each_bond(number, |_, bond, slot| {
             if let Some(other) = plane.point_in(slot) {
-                let conductivity = bonds[layer].of(plane_direction(bond), [number, other]);
+                let parts = bonds[layer].of(plane_direction(bond), [number, other]);
                 row.push(PointBond {
                     other: (layer * points + other) as u32,
-                    weight: bond.mean() * conductivity / through,
+                    weights: parts.map(|part| bond.mean() * part),
                 });
             }
         });
         row
     };
-    Ok((Family::of_bonds(body, spec, row), through))
+    let family = Family::of_bonds(body, spec, row);
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let edge =
+        |angle: f64| edge_depth(&complete, spec, spacing, angle, &conductivity).unwrap_or(0.5);
+    let of_ply: Vec<[f64; 2]> = (layers.plies().iter())
+        .map(|ply| [edge(ply.angle), edge(ply.angle - quarter)])
+        .collect();
+    Ok(ConductingPlies {
+        family,
+        conductivity,
+        edges: layers
+            .layers()
+            .iter()
+            .map(|layer| of_ply[layer.ply])
+            .collect(),
+    })
 }

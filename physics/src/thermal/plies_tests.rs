@@ -4,8 +4,9 @@ use nalgebra::Vector3;
 use perimelt_core::body::{Layup, Stations};
 use perimelt_core::material::{Directional, Property};
 use perimelt_core::shape::{BoxShape, Shape};
-use perimelt_core::{Axis, Body, Cut, Family, FamilySpec, Horizon};
+use perimelt_core::{Axis, Body, BondKernel, Cut, Family, FamilySpec, Horizon};
 
+use super::conduction::PlyBonds;
 use super::plies;
 
 const SPACING: f64 = 1e-3;
@@ -33,26 +34,43 @@ fn spec() -> FamilySpec {
     }
 }
 
-fn family(body: &Body, conductivity: [f64; 3]) -> Result<(Family, f64), String> {
+/// A family with conductivities along and across the fibres and through the thickness, W/(m K).
+#[derive(Debug)]
+struct Conducting {
+    family: Family,
+    conductivity: [f64; 3],
+}
+
+fn family(body: &Body, conductivity: [f64; 3]) -> Result<Conducting, String> {
     let values = conductivity.map(Property::Constant);
     let layers = body.layers().expect("layers");
     let found = [Directional::Axes(Box::new(values))];
-    plies::family(body, layers, &spec(), &found).map_err(|e| e.to_string())
+    let plies = plies::family(body, layers, &spec(), &found).map_err(|e| e.to_string())?;
+    Ok(Conducting {
+        family: plies.family,
+        conductivity,
+    })
 }
 
 /// Heat that flows to each point, W/m³.
 fn rates(
     body: &Body,
-    (family, through): &(Family, f64),
+    conducting: &Conducting,
     temperature: impl Fn(&Vector3<f64>) -> f64,
 ) -> Vec<f64> {
     let at = |point: usize| temperature(&body.points.position[point]);
+    let Conducting {
+        family,
+        conductivity: [along, across, through],
+    } = conducting;
+    let potentials = |t: f64| [across * t, (along - across) * t, through * t];
     let rate = |point: usize| {
         let mut sum = 0.0;
         family.for_each_bond(point, |_, bond, slot| {
             let other = family.point_in(slot).expect("no images");
-            let difference = at(other) - at(point);
-            sum += 2.0 * through * bond.mean() * bond.inverse_length * difference;
+            let [own, other] = [point, other].map(|point| potentials(at(point)));
+            let [part] = PlyBonds.bond(bond, own, other);
+            sum += part;
         });
         sum
     };

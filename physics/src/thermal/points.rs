@@ -16,18 +16,20 @@ pub(super) struct ConductingPoints<'a> {
 }
 
 impl ConductingPoints<'_> {
-    /// Conductivity of a point, W/(m K).
-    pub(super) fn conductivity(&self, point: usize) -> f64 {
+    /// Conductivity of a point along an axis, W/(m K); the mean over all axes for materials with directions of their own.
+    pub(super) fn conductivity_along(&self, point: usize, axis: usize) -> f64 {
         let (m, t) = (self.material[point], self.temperature[point]);
         let liquid = self.curves[m as usize].liquid_fraction(t);
-        self.conduction.conductivity(point, m, t, liquid)
+        self.conduction
+            .conductivity_along(point, axis, m, t, liquid)
     }
 
-    /// Liquidus (K) of a point that is colder, and the conductivity of its melt, W/(m K).
-    pub(super) fn melt(&self, point: usize) -> Option<(f64, f64)> {
+    /// Liquidus (K) of a point that is colder, and the conductivity of its melt along an axis, W/(m K).
+    pub(super) fn melt(&self, point: usize, axis: usize) -> Option<(f64, f64)> {
         let m = self.material[point];
         let liquidus = self.curves[m as usize].latent_heat()?.liquidus;
         let is_colder = self.temperature[point] < liquidus;
-        is_colder.then(|| (liquidus, self.conduction.melt_conductivity(m, liquidus)))
+        let melt = || self.conduction.melt_conductivity(point, axis, m, liquidus);
+        is_colder.then(|| (liquidus, melt()))
     }
 }

@@ -26,7 +26,7 @@ use super::mixture::MixedFluids;
 use super::plies;
 use super::refined::Refined;
 use super::run::{Cracks, HeatAccount, RunningThermal};
-use super::surface::Surface;
+use super::surface::{Surface, SurfaceDistances};
 use super::surface_depth;
 
 /// The state of a heat physics, and the sinks that it consumes where a plugin adds into them.
@@ -62,6 +62,14 @@ impl HeatFields {
 pub(super) struct Austenite {
     pub(super) conductivity: Vec<Property>,
     pub(super) fraction: ReadIfProvided<f64>,
+}
+
+/// The operator of conduction with its family.
+struct Operators {
+    family: FamilyHandle,
+    conduction: Conduction,
+    /// Of plies, the distances of their edges from the outermost points.
+    edges: Option<Vec<[f64; 2]>>,
 }
 
 /// A body that conducts heat.
@@ -101,7 +109,11 @@ impl RunningThermal {
             layers: keys.form.continued_faces(setup.body(body), layers.faces()),
             heated: layers.prescribed,
         };
-        let (family, mut conduction) = thermal.operators(setup, &domain, keys.form)?;
+        let Operators {
+            family,
+            mut conduction,
+            edges,
+        } = thermal.operators(setup, &domain, keys.form)?;
         if let Some(fluids) = &fluids {
             fluids.check(&curves)?;
             conduction.set_fluids(fluids, &curves);
@@ -116,15 +128,12 @@ impl RunningThermal {
             true => Some(setup.given(body, &keys::ORIENTATION)?),
             false => None,
         };
-        let carried = match keys.convection {
-            Some(convection) => Some(thermal.carried(setup, &domain, convection)?),
-            None => None,
-        };
+        let carried = (keys.convection)
+            .map(|convection| thermal.carried(setup, &domain, convection))
+            .transpose()?;
         let has_conductance = fields.conductance.is_some();
-        let surface = prepare_surface(setup, body, family, &conduction, has_conductance)?;
-        if conduction.has_directions() {
-            check_directions(austenite.is_some(), surface.is_some())?;
-        }
+        let surface = prepare_surface(setup, body, family, &conduction, has_conductance, edges)?;
+        check_directions(&conduction, austenite.is_some(), surface.is_some())?;
         let fixed =
             fields.constraint.is_some() || surface.as_ref().is_some_and(Surface::has_conductance);
         let moves = description == Description::UpdatedLagrangian;
@@ -163,15 +172,20 @@ impl RunningThermal {
 }
 
 /// Refuses what a conductivity with directions does not know.
-fn check_directions(has_austenite: bool, has_surface: bool) -> Result<(), SetupError> {
+fn check_directions(
+    conduction: &Conduction,
+    has_austenite: bool,
+    has_surface: bool,
+) -> Result<(), SetupError> {
+    let has_directions = conduction.has_directions();
     need(
-        !has_austenite,
+        !(has_directions && has_austenite),
         "conductivity",
         "the conductivity of austenite has no directions",
         "a `conductivity` without directions, or a material without `austenite_conductivity`",
     )?;
     need(
-        !has_surface,
+        !(has_directions && has_surface),
         "conductivity",
         "boundaries that exchange heat through the surface take the same conductivity in all directions",
         "a `conductivity` without directions, or prescribed temperatures",
@@ -179,19 +193,18 @@ fn check_directions(has_austenite: bool, has_surface: bool) -> Result<(), SetupE
 }
 
 /// Publishes the distances of the surface from the outermost points, and collects the exchanges of the surface.
-/// `has_conductance`: other bodies exchange heat through the surface.
+/// `has_conductance`: other bodies exchange heat through the surface. `edges`: see [`Operators`].
 fn prepare_surface(
     setup: &mut Setup<'_>,
     body: BodyIndex,
     family: FamilyHandle,
     conduction: &Conduction,
     has_conductance: bool,
+    edges: Option<Vec<[f64; 2]>>,
 ) -> Result<Option<Surface>, SetupError> {
     let exchanges: Vec<Rc<Exchange>> = setup.facts(body).cloned().collect();
     let is_exchanged = !exchanges.is_empty() || has_conductance;
-    // the first points of plies stand at half of their layer
-    let has_layers = setup.body(body).layers().is_some();
-    let depth = match is_exchanged && conduction.is_by_bonds() && !has_layers {
+    let depth = match is_exchanged && conduction.is_by_bonds() && edges.is_none() {
         false => [0.5; 6],
         true => {
             let family = setup.world().family(family);
@@ -199,7 +212,11 @@ fn prepare_surface(
         }
     };
     setup.publish(body, SurfaceDepths(depth))?;
-    Ok(Surface::new(exchanges, depth))
+    let distances = match edges {
+        Some(edges) => SurfaceDistances::Layers(edges),
+        None => SurfaceDistances::Directions(depth),
+    };
+    Ok(Surface::new(exchanges, distances))
 }
 
 impl FormKeys {
@@ -288,7 +305,7 @@ impl Thermal {
         setup: &mut Setup<'_>,
         domain: &ConductionDomain,
         form: FormKeys,
-    ) -> Result<(FamilyHandle, Conduction), SetupError> {
+    ) -> Result<Operators, SetupError> {
         let body = domain.body;
         let found = conductivities(self.conductivity.clone(), setup.body(body))?;
         if setup.body(body).layers().is_some() {
@@ -309,7 +326,11 @@ impl Thermal {
             FormKeys::SecondDerivatives => {
                 let (family, pddo) = self.second_derivatives(setup, domain)?;
                 let conduction = Conduction::by_derivatives(pddo, conductivity, points);
-                return Ok((family, conduction));
+                return Ok(Operators {
+                    family,
+                    conduction,
+                    edges: None,
+                });
             }
         };
         let mut spec = FamilySpec {
@@ -336,7 +357,11 @@ impl Thermal {
         if let Some(stabilisation) = stabilisation {
             conduction.set_states(setup.body(body), stabilisation, directions);
         }
-        Ok((handle, conduction))
+        Ok(Operators {
+            family: handle,
+            conduction,
+            edges: None,
+        })
     }
 
     /// The family and the operator of a body with a lay-up.
@@ -346,7 +371,7 @@ impl Thermal {
         domain: &ConductionDomain,
         form: FormKeys,
         found: &[Directional<Property>],
-    ) -> Result<(FamilyHandle, Conduction), SetupError> {
+    ) -> Result<Operators, SetupError> {
         let correction = match form {
             FormKeys::Bonds(keys) => keys.correction,
             FormKeys::Ordinary(..) | FormKeys::SecondDerivatives => None,
@@ -360,14 +385,16 @@ impl Thermal {
             audited: Vec::new(),
         };
         let this = setup.body(domain.body);
-        let points = this.points.len();
         let Some(layers) = this.layers() else {
             unreachable!("the caller has asked for them");
         };
-        let (family, through) = plies::family(this, layers, &spec, found)?;
-        let conductivity = vec![Property::Constant(through)];
-        let conduction = Conduction::by_bonds(&family, conductivity, points, 1.0);
-        Ok((setup.take_family(domain.body, family)?, conduction))
+        let plies = plies::family(this, layers, &spec, found)?;
+        let conduction = Conduction::by_plies(this, layers, &plies);
+        Ok(Operators {
+            family: setup.take_family(domain.body, plies.family)?,
+            conduction,
+            edges: Some(plies.edges),
+        })
     }
 
     /// The operator of second derivatives.

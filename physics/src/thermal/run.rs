@@ -320,10 +320,12 @@ impl RunningThermal {
             return known.step;
         }
         let material = &world.body(self.body).material_of_point;
-        let conductivity = |point: usize| self.conduction.largest_conductivity(material[point]);
+        let largest = |point: usize, axis: usize| {
+            (self.conduction).largest_conductivity_along(point, axis, material[point])
+        };
         let row_sums = self.integrator.row_sums();
         let mut step = f64::INFINITY;
-        surface.visit_stiffness(hottest, conductivity, |point, at_point| {
+        surface.visit_stiffness(hottest, largest, |point, at_point| {
             step = step.min(self.longest_step(material[point], row_sums[point][0], at_point));
         });
         self.exchange_limit = Some(ExchangeLimit { found_for, step });
@@ -378,12 +380,13 @@ impl RunningThermal {
             material: &body.material_of_point,
             temperature: &temperature,
         };
-        let conductivity = |point: usize| points.conductivity(point);
         for face in &mut self.faces {
             if let Some(rule) = rules.iter().find(|r| r.face == face.face) {
                 let growth = self.growth.as_ref();
                 let has_material = |point: usize| growth.is_none_or(|g| g.is_born(point));
                 let spacing = &body.points.spacing;
+                let axis = face.face.axis();
+                let conductivity = |point: usize| points.conductivity_along(point, axis);
                 face.measure(rule, &temperature, has_material, conductivity, spacing);
             }
         }

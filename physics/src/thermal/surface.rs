@@ -9,7 +9,8 @@
 //!
 //! with the temperature T and the conductivity k of the point and the spacing s. All boundaries that act on a cell face share
 //! its temperature. For bonds between nearest neighbours delta is a half; longer bonds, and those corrected at bare surfaces, shift the
-//! temperature of the outermost points, which [`depths`](super::surface_depth::depths) finds from the family.
+//! temperature of the outermost points, which [`depths`](super::surface_depth::depths) finds from the family. Plies conduct by the
+//! conductivity along the normal, over the distance of their stations from the upper and the lower side.
 
 use std::rc::Rc;
 
@@ -32,8 +33,7 @@ pub(super) struct Surface {
     exchanges: Vec<Rc<Exchange>>,
     /// Versions of their cell faces that `faces` includes.
     versions: Vec<Option<u64>>,
-    /// Distances of the surface from its points by direction, in spacings.
-    depth: [f64; 6],
+    distances: SurfaceDistances,
     /// Faces in the order of their points.
     faces: Vec<ExposedFace>,
     /// Laws of all faces, face by face.
@@ -45,10 +45,35 @@ pub(super) struct Surface {
     changes: u64,
 }
 
+/// Distances of the surface from its points.
+#[derive(Debug)]
+pub(super) enum SurfaceDistances {
+    /// By direction, in spacings.
+    Directions([f64; 6]),
+    /// Those of the edges of layers across x and y, in spacings; the others are those of the stations.
+    Layers(Vec<[f64; 2]>),
+}
+
+impl SurfaceDistances {
+    /// Of a cell face of a point with this cosine ([`SurfaceCell::cosine`](perimelt_core::body::SurfaceCell::cosine)), m.
+    fn of(&self, body: &Body, point: usize, face: Face, cosine: f64) -> f64 {
+        let spacings = match (self, body.layers()) {
+            (SurfaceDistances::Directions(depth), _) => depth[face as usize],
+            (SurfaceDistances::Layers(edges), Some(layers)) if face.axis() < 2 => {
+                edges[layers.place(point).0][face.axis()]
+            }
+            (SurfaceDistances::Layers(_), _) => return body.face_distance(point, face),
+        };
+        spacings * cosine * body.points.spacing[point]
+    }
+}
+
 /// A cell face through which heat flows.
 #[derive(Clone, Copy, Debug)]
 struct ExposedFace {
     point: u32,
+    /// Axis of its normal.
+    axis: u8,
     /// Distance of the surface from the point, m.
     depth: f64,
     /// Area over the volume of the point, 1/m.
@@ -96,13 +121,16 @@ struct SurfaceFlux {
 
 impl Surface {
     /// The exchanges of a body; `None` without any.
-    pub(super) fn new(exchanges: Vec<Rc<Exchange>>, depth: [f64; 6]) -> Option<Surface> {
+    pub(super) fn new(
+        exchanges: Vec<Rc<Exchange>>,
+        distances: SurfaceDistances,
+    ) -> Option<Surface> {
         let is_there = !exchanges.is_empty();
         is_there.then(|| Surface {
             versions: vec![None; exchanges.len()],
             is_linear: exchanges.iter().all(|e| e.law().is_linear()),
             exchanges,
-            depth,
+            distances,
             faces: Vec::new(),
             parts: Vec::new(),
             heat: Vec::new(),
@@ -168,11 +196,12 @@ impl Surface {
             }));
             let i = point as usize;
             let depth = match depth {
-                SurfaceDepth::Face => self.depth[face as usize] * cosine * body.points.spacing[i],
+                SurfaceDepth::Face => self.distances.of(body, i, face, cosine),
                 SurfaceDepth::Plane => 0.0,
             };
             self.faces.push(ExposedFace {
                 point,
+                axis: face.axis() as u8,
                 depth,
                 area_over_volume: area / body.points.volume[i],
                 parts: [first, self.parts.len() as u32],
@@ -284,11 +313,11 @@ impl Surface {
     }
 
     /// Calls `visit` with each point at the surface and a bound of the conductance to the surroundings over its volume
-    /// (W/(m³ K)) while no point is warmer than `hottest` (K).
+    /// (W/(m³ K)) while no point is warmer than `hottest` (K), from the largest conductivity of a point along an axis, W/(m K).
     pub(super) fn visit_stiffness(
         &self,
         hottest: f64,
-        conductivity: impl Fn(usize) -> f64,
+        conductivity: impl Fn(usize, usize) -> f64,
         mut visit: impl FnMut(usize, f64),
     ) {
         let laws = self.exchanges.iter().map(|e| e.law().stiffness(hottest));
@@ -301,7 +330,8 @@ impl Surface {
                 let coefficient = |p: &FaceLaw| p.fraction * laws[p.exchange as usize];
                 let coefficient: f64 = parts.iter().map(coefficient).sum();
                 if coefficient > 0.0 {
-                    let resistance = 1.0 / coefficient + face.depth / conductivity(point);
+                    let conductivity = conductivity(point, face.axis as usize);
+                    let resistance = 1.0 / coefficient + face.depth / conductivity;
                     at_point += face.area_over_volume / resistance;
                 }
             }
@@ -314,6 +344,8 @@ impl Surface {
 struct HalfCell<'a> {
     points: &'a ConductingPoints<'a>,
     point: usize,
+    /// Of the normal of the face.
+    axis: usize,
     /// Distance of the surface, m; zero where the point is at the surface.
     depth: f64,
 }
@@ -323,6 +355,7 @@ impl<'a> HalfCell<'a> {
         HalfCell {
             points,
             point: face.point as usize,
+            axis: face.axis as usize,
             depth: face.depth,
         }
     }
@@ -330,7 +363,7 @@ impl<'a> HalfCell<'a> {
     /// Liquidus (K) and conductance of the melt (W/(m² K)) of a half cell whose surface is warmer than its liquidus.
     fn melt(&self, surface: f64) -> Option<(f64, f64)> {
         let own = self.points.temperature[self.point];
-        let melt = || self.points.melt(self.point);
+        let melt = || self.points.melt(self.point, self.axis);
         let (liquidus, conductivity) = (surface > own).then(melt).flatten()?;
         (surface > liquidus).then(|| (liquidus, conductivity / self.depth))
     }
@@ -363,7 +396,7 @@ fn balance(
             temperature,
         };
     }
-    let mut conductance = half.points.conductivity(half.point) / half.depth;
+    let mut conductance = half.points.conductivity_along(half.point, half.axis) / half.depth;
     // temperature of the point if the whole half cell were melt, and its derivative by the temperature of the point
     let (mut base, mut base_slope) = (own, 1.0);
     let mut is_melt = false;

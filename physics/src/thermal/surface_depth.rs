@@ -15,10 +15,10 @@ use perimelt_core::{Body, Face, Family, SlotField};
 use super::conduction::coefficient;
 
 /// Layers below the surface whose temperatures deviate, in reaches of the family.
-const DEVIATING: usize = 4;
+pub(super) const DEVIATING: usize = 4;
 
 /// Layers of the half space, in reaches of the family.
-const DEEP: usize = 8;
+pub(super) const DEEP: usize = 8;
 
 /// Distances of the surface from the outermost points by direction, in spacings; half a spacing where the points are not on a lattice.
 pub(super) fn depths(body: &Body, family: &Family) -> [f64; 6] {
@@ -66,19 +66,31 @@ fn deviation(body: &Body, spec: &FamilySpec, is_mirrored: bool) -> Option<f64> {
     // points behind the surface have the layers of the points that they mirror
     let mut layer_of_slot = SlotField::zeros(&family);
     layer_of_slot.load(&family, &layer_of[..], Mirrored::Scalar);
+    let mut point_of_layer = vec![None; layers];
+    for (point, layer) in layer_of.iter().enumerate() {
+        point_of_layer[*layer as usize].get_or_insert(point);
+    }
+    deviation_of(known, spacing, |row, visit| {
+        let point = point_of_layer[row].expect("each layer has points");
+        family.for_each_bond(point, |_, bond, slot| {
+            visit(layer_of_slot[slot].max(0.0) as usize, coefficient(bond));
+        });
+    })
+}
+
+/// The deviation c of the outermost layer of a half space of conductivity 1 W/(m K), in which `known` layers deviate. `bonds` calls its
+/// argument with the layer at the other end and the coefficient (1/m²) of each bond of a point of a layer, counted from the surface.
+pub(super) fn deviation_of(
+    known: usize,
+    spacing: f64,
+    bonds: impl Fn(usize, &mut dyn FnMut(usize, f64)),
+) -> Option<f64> {
     // matrix of `sum_j c_ij (T_j - T_i)` over layers, and its residual for a linear temperature
     let mut matrix = DMatrix::<f64>::zeros(known, known);
     let mut rest = DVector::<f64>::zeros(known);
     let linear = |layer: usize| -(layer as f64 + 0.5) * spacing;
-    let mut is_found = vec![false; known];
-    for (point, layer) in layer_of.iter().enumerate() {
-        let row = *layer as usize;
-        if row >= known || std::mem::replace(&mut is_found[row], true) {
-            continue;
-        }
-        family.for_each_bond(point, |_, bond, slot| {
-            let other = layer_of_slot[slot].max(0.0) as usize;
-            let c = coefficient(bond);
+    for row in 0..known {
+        bonds(row, &mut |other, c| {
             rest[row] += c * (linear(other) - linear(row));
             matrix[(row, row)] -= c;
             if other < known {
@@ -86,7 +98,7 @@ fn deviation(body: &Body, spec: &FamilySpec, is_mirrored: bool) -> Option<f64> {
             }
         });
     }
-    // flux of one into the outermost layer, conductivity of one
+    // flux of one into the outermost layer
     rest[0] += 1.0 / spacing;
     let deviations = matrix.lu().solve(&(-rest))?;
     let c: f64 = deviations[0] / spacing;

@@ -16,6 +16,11 @@ impl Conduction {
         temperature: &[f64],
         change: &[f64],
     ) -> bool {
+        if let Some(plies) = &mut self.plies {
+            self.loaded = BondConductivity::Plies;
+            plies.load_change(matter, temperature, change);
+            return true;
+        }
         if ![BondConductivity::Uniform, BondConductivity::Potential]
             .contains(&self.bond_conductivity())
         {

@@ -13,13 +13,16 @@ const SLOTS_PER_TASK: usize = 4096;
 impl Conduction {
     /// Fills the slots from a temperature field (K) and evaluates the conductivities.
     pub(in crate::thermal) fn load(&mut self, matter: &Matter<'_>, temperature: &[f64]) {
+        self.loaded = self.bond_conductivity();
+        if let Some(plies) = &mut self.plies {
+            return plies.load(matter, temperature);
+        }
         let ghosts = ByRules(matter.rules, 0);
         self.temperature_slots
             .load(matter.family, temperature, ghosts);
         for (slot, own) in &self.layers {
             self.temperature_slots[*slot as usize] = *own;
         }
-        self.loaded = self.bond_conductivity();
         if self.loaded == BondConductivity::Uniform {
             return;
         }
@@ -48,6 +51,9 @@ impl Conduction {
     pub(super) fn bond_conductivity(&self) -> BondConductivity {
         let has_parts = self.powder.is_some() || self.austenite.is_some() || self.fluids.is_some();
         let by_points = self.derivatives.is_some() || has_parts;
+        if self.plies.is_some() {
+            return BondConductivity::Plies;
+        }
         if self.states.is_some() {
             return BondConductivity::States;
         }

@@ -4,7 +4,8 @@ use perimelt_core::family::Mirrored;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
-use super::{Conduction, SecondDerivatives};
+use super::Conduction;
+use super::derivatives::SecondDerivatives;
 use crate::thermal::interfaces::RowSumAcross;
 
 /// Sum of the coefficients of a point's bonds, W/(m³ K), with the mean conductivity of the ends, which is at least that of
@@ -27,6 +28,9 @@ impl Conduction {
         family: &Family,
         material: &[u16],
     ) -> Vec<[f64; 1]> {
+        if let Some(plies) = &self.plies {
+            return plies.largest_row_sums(family);
+        }
         let broken = self.broken.as_ref();
         let stiffness = self
             .states
