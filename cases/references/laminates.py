@@ -111,16 +111,20 @@ def strip():
     return bending, shear, stress, between[0]
 
 
-def waves(times=(4e-6, 8e-6), cells=2000):
-    """[Gao2020], section 4.3.3.2 without heat: rods with shear between them, pulled by 1e14 Pa/s at one end.
+def waves(times=(4e-6, 8e-6), cells=2000, temperature=285.0, capacity=1620 * 1092.728):
+    """[Gao2020], section 4.3.3.2: rods with shear between them, pulled by 1e14 Pa/s at one end, without conduction.
 
-    Displacements (m) of the outer and the middle ply of [0/90/0] at 5, 10, 15, 20, 30 and 40 mm, by central differences.
+    Displacements (m) and temperature changes (K) of the outer and the middle ply of [0/90/0] at 5, 10, 15, 20, 30 and 40 mm, by central
+    differences. Strain e changes the temperature by -T0 beta e / (rho c), which adds beta² T0 / (rho c) to the moduli; 0 K: without heat.
     """
-    q = stiffness(GRAPHITE_EPOXY, 0)
-    moduli = np.array([q[0][0], q[1][1], q[0][0]])[:, None]
+    q, ply = stiffness(GRAPHITE_EPOXY, 0), GRAPHITE_EPOXY
+    beta = [q[n][0] * ply["a1"] + q[n][1] * ply["a2"] for n in range(2)]
+    beta = np.array([beta[0], beta[1], beta[0]])[:, None]
+    heating = -temperature * beta / capacity
+    moduli = np.array([q[0][0], q[1][1], q[0][0]])[:, None] - beta * heating
     density, shear, h, length = 1620.0, 1.308e9, 1e-3, 0.1
     dx = length / cells
-    dt = 0.5 * dx / math.sqrt(q[0][0] / density)
+    dt = 0.5 * dx / math.sqrt(moduli[0, 0] / density)
     # displacements at nodes, stresses between them
     u, v = np.zeros((3, cells + 1)), np.zeros((3, cells + 1))
     mass = np.full(cells + 1, density * dx)
@@ -140,8 +144,9 @@ def waves(times=(4e-6, 8e-6), cells=2000):
             v[:, -1] = 0
             u += dt * v
             time += dt
-        at = [round(x * 1e-3 / dx) for x in (5, 10, 15, 20, 30, 40)]
-        found[end] = u[0, at], u[1, at]
+        at = np.array([round(x * 1e-3 / dx) for x in (5, 10, 15, 20, 30, 40)])
+        change = heating * (u[:, at + 1] - u[:, at - 1]) / (2 * dx)
+        found[end] = u[0, at], u[1, at], change[0], change[1]
     return found
 
 
@@ -168,6 +173,51 @@ def sliding(angle=20.0, end=8e-4, energy=7110.0, modulus=1.308e9, distance=1e-3,
             force = [force[0] + mean * x * math.copysign(1, along), force[1] + mean * y * math.copysign(1, along)]
     across = scale * sum(m for x, _, m in bonds if x == 0) / whole
     return force, across
+
+
+def published_crack(ply=GRAPHITE_EPOXY, energy=2370.0, horizon=3.0, spacing=1e-3):
+    """Energy that a crack along the fibres takes by the limit of [Gao2020], eq. 4.38, over the given one: the bonds of a lattice across a plane, each of
+    which breaks at the same stretch, and the dilatation of the points by the bonds that are left."""
+    reach = int(horizon)
+    bonds = []
+    for i in range(-reach, reach + 1):
+        for j in range(-reach, reach + 1):
+            length = math.hypot(i, j)
+            if 0 < length <= horizon:
+                bonds.append((i, j, length * spacing, min(1.0, horizon + 0.5 - length)))
+    # theta is the trace of a uniform strain
+    scale = 2 / sum(v * length for *_, length, v in bonds)
+    bonds = [(i, j, length, scale * v) for i, j, length, v in bonds]
+    q = stiffness(ply, 0)
+    a = 0.5 * (q[0][1] - q[2][2])
+
+    def moment(*functions):
+        return sum(0.5 * w * length * math.prod(f(i * spacing / length, j * spacing / length) for f in functions) for i, j, length, w in bonds)
+
+    def wave(c, s):
+        return 8 * c**4 - 8 * c**2 + 1
+
+    # C = k0 + k4 cos 4 psi across the fibres and in shear, where fibres have no part
+    rows = [[moment(f), moment(f, wave)] for f in (lambda c, s: s**4, lambda c, s: c * c * s * s)]
+    k0, k4 = solve(rows, [q[1][1] - 2 * a, q[2][2]])
+    # the depth of the layers of points, and the opening at which bonds break, over the limit
+    across = [(j, length**2 / (j * spacing), 0.5 * w * length * (k0 + k4 * wave(i * spacing / length, j * spacing / length)) * (j * spacing), length, w) for i, j, length, w in bonds if j > 0]
+    total = sum(of_bond for _, _, of_bond, _, _ in across)
+
+    def of_dilatation(opening):
+        """Integral of 2 a theta² over the depth, of both sides, for an opening of one."""
+        whole = [b for b in across if b[1] > opening * (1 + 1e-9)]
+        theta = [sum(w * length * j * spacing / length**2 for j, _, _, length, w in whole if j > row) for row in range(reach)]
+        return 2 * a * sum(t * t for t in theta) * spacing
+
+    openings = sorted({round(opening, 12) for _, opening, *_ in across})
+    before = 0.0
+    for opening in openings:
+        total += opening**2 * (of_dilatation(before) - of_dilatation(opening))
+        before = opening
+    mu, bulk = ply["e2"] / (2 * (1 + ply["nu12"])), ply["e2"] / (2 * (1 - ply["nu12"]))
+    published = (6 * mu / math.pi + 16 / (9 * math.pi**2) * (bulk - 2 * mu)) * horizon * spacing
+    return total / published
 
 
 def heated_from_above(times=(10.0, 30.0, 50.0), flux=5000.0, k=0.2, h=1e-3, capacity=1620 * 1092.728):
@@ -239,10 +289,11 @@ if __name__ == "__main__":
         strains = warped([0, 90, 0], rise=temperature - 293.0, ply=ply)[:2]
         print(f"[0, 90, 0] of carbon/epoxy at {temperature} K:", " ".join(f"{x:.6e}" for x in strains))
     print("strip: bending, shear (m), stress at a quarter of the span, shear stress (Pa):", strip())
-    for time, (outer, middle) in waves().items():
-        print(f"waves at {time} s: outer", outer, "middle", middle)
+    for time, (outer, middle, of_outer, of_middle) in waves().items():
+        print(f"waves at {time} s: outer", outer, "middle", middle, "temperature:", of_outer, of_middle)
     (along, across), rest = sliding()
     print(f"sliding: {6.4e-5 * along:.6e} N, {6.4e-5 * across:.6e} N on 8 x 8 mm; part of bonds across a row {rest:.4f}")
+    print(f"crack along the fibres by the published limit: {published_crack():.6f} of the fracture energy")
     print("heated from above:", heated_from_above())
     for time, plies in heated_edge(cells=100).items():
         for ply in plies:

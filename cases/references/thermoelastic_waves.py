@@ -1,7 +1,7 @@
 """Plane thermoelastic waves in a steel plate, and constants that belong to them.
 
 Reference of the cases `gao-3.5.2-*` (Gao (2020), section 3.5.2) and of the checks at 7 us of
-`gao-3.6.2a-cracked-plate` (section 3.6.2). Until waves from the free edges arrive, the axis of the plate is in uniaxial
+`gao-3.6.2a-cracked-plate` (section 3.6.2), and of `gao-4.3.3.1-lamina-waves` (section 4.3.3.1). Until waves from the free edges arrive, the axis of the plate is in uniaxial
 strain, and conduction is negligible in microseconds: the pressure P(t) on the left edge travels with the adiabatic
 speed c = sqrt(M (1 + eps) / rho), M = E / (1 - nu^2),
 
@@ -38,22 +38,40 @@ COUPLING, SPEED, HEATING = PLATE
 BOND_BASED = plate(1 / 3)
 BAR = constants(YOUNGS_MODULUS, YOUNGS_MODULUS * EXPANSION)
 
+# plies of graphite/epoxy, strained along and across their fibres: Gao (2020), section 4.3.3
+PLY_DENSITY, PLY_SPECIFIC_HEAT = 1620.0, 1092.728  # kg/m3, J/(kg K)
+
+
+def ply(axis: int) -> tuple[float, float, float]:
+    """The constants of a ply strained along one axis: along its fibres (0) or across them (1)."""
+    along, across, ratio, expansion = 181e9, 10.3e9, 0.28, (0.02e-6, 22.5e-6)
+    whole = 1 - ratio**2 * across / along
+    stiffness = (along / whole, across / whole)
+    coupled = ratio * stiffness[1]
+    modulus = stiffness[axis] * expansion[axis] + coupled * expansion[1 - axis]
+    capacity = PLY_DENSITY * PLY_SPECIFIC_HEAT
+    coupling = modulus**2 * TEMPERATURE / (capacity * stiffness[axis])
+    heating = TEMPERATURE * modulus / (capacity * stiffness[axis] * (1 + coupling))
+    return coupling, sqrt(stiffness[axis] * (1 + coupling) / PLY_DENSITY), heating
+
+
 # loads: pressure (Pa) and its integral over time (Pa s)
 LOADS = {
     "parabolic": (lambda t: -1e20 * t**2, lambda t: -1e20 * t**3 / 3),
     "sine": (lambda t: 1e9 * sin(pi / 2 * 1e6 * t), lambda t: 1e9 * (1 - cos(pi / 2 * 1e6 * t)) / (pi / 2 * 1e6)),
+    "fast sine": (lambda t: 1e10 * sin(pi * 1e6 * t), lambda t: 1e10 * (1 - cos(pi * 1e6 * t)) / (pi * 1e6)),
     "linear": (lambda t: -1e14 * t, lambda t: -1e14 * t**2 / 2),
 }
 
 
 def wave(
-    load: str, distance: float, time: float, body: tuple[float, float, float] = PLATE
+    load: str, distance: float, time: float, body: tuple[float, float, float] = PLATE, density: float = DENSITY
 ) -> tuple[float, float]:
     """Temperature change (K) and displacement (m) at a distance from the loaded edge (m)."""
     _, speed, heating = body
     pressure, integral = LOADS[load]
     delay = max(time - distance / speed, 0.0)
-    return heating * pressure(delay), integral(delay) / (DENSITY * speed)
+    return heating * pressure(delay), integral(delay) / (density * speed)
 
 
 def critical_stretch(youngs_modulus: float, ratio: float, energy: float, horizon: float) -> float:
@@ -95,6 +113,11 @@ def values() -> dict[str, float]:
         distance = quarter * SPEED * 1e-6
         name = f"sine at {1e3 * distance:.4f} mm, 8 us"
         found[f"{name}: T, K"], found[f"{name}: u, m"] = wave("sine", distance, 8e-6)
+    for distance in (5, 10, 15, 20, 30, 40):
+        for name, load, axis, time in (("along", "fast sine", 0, 4e-6), ("across", "linear", 1, 8e-6)):
+            temperature, displacement = wave(load, 1e-3 * distance, time, ply(axis), PLY_DENSITY)
+            found[f"ply {name} fibres, {load} at {distance} mm: T, K"] = temperature
+            found[f"ply {name} fibres, {load} at {distance} mm: u, m"] = displacement
     found["linear at 10 mm, 7 us: T, K"], found["linear at 10 mm, 7 us: u, m"] = wave("linear", 0.01, 7e-6)
     return found
 

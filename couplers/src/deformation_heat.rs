@@ -127,7 +127,7 @@ impl Factors {
     }
 }
 
-perimelt_core::register_coupler!("deformation_heat", DeformationHeat);
+perimelt_core::register_coupler!("deformation_heat", DeformationHeat, supports: [Layers]);
 
 #[cfg(test)]
 mod tests {

@@ -133,7 +133,7 @@ fn what_plies_do_not_support() {
         ("layup = { angles = [0, 90] }\n", ""),
         (
             "[[couplers]]\n",
-            "[[couplers]]\ntype = \"deformation_heat\"\n[[couplers]]\n"
+            "[[couplers]]\ntype = \"plastic_heat\"\n[[couplers]]\n"
         ),
         (
             "[[couplers]]\n",
@@ -185,6 +185,11 @@ fn strengths_of_plies() {
             &strong,
             "fracture = {}",
             "fracture = { mode = \"sliding\" }",
+        ),
+        (
+            &strong,
+            "fracture = {}",
+            "fracture = { limits = \"printed\" }",
         ),
     ] {
         assert_eq!(case.matches(right).count(), 1, "`{right}` is there once");

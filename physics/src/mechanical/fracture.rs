@@ -37,6 +37,8 @@ use super::stretch::TotalWeight;
 pub struct FractureSection {
     /// What is compared with its limit.
     pub criterion: Criterion,
+    /// How the limit of the bonds of plies follows from the fracture energy.
+    pub limits: Limits,
     /// Regions whose bonds never break, such as those under loads.
     pub no_fail: Vec<String>,
     /// Strength of an interface, or of a list of them, such as
@@ -68,6 +70,17 @@ impl FractureSection {
         }
         Ok(unbreakable)
     }
+}
+
+/// How the limit of the bonds of a ply follows from its fracture energy.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Limits {
+    /// From the energy of the discrete bonds that a plane cuts, which dissipate the given fracture energy.
+    #[default]
+    Discrete,
+    /// That of the matrix by \[Gao2020\], eq. 4.38, from isotropic constants: a crack along the fibres dissipates more than the given energy.
+    Published,
 }
 
 /// Criterion by which a bond breaks.
@@ -111,9 +124,9 @@ pub struct Fracture {
 pub struct FractureState {
     /// Bonds that broke, of each set of bonds that has its own: one, or the sets of a laminate.
     pub broken: Vec<BrokenBonds>,
-    /// The stress conjugate to the eigenstrain that bonds of each point carried when they broke, Pa. It remains
+    /// The stress conjugate to the eigenstrain that bonds of each point carried when they broke, Pa: xx, yy, zz, xy, yz, zx. It remains
     /// part of the `conjugate_stress`: a change of that field heats the body, and a break is not an unloading.
-    pub frozen: Vec<f64>,
+    pub frozen: Vec<[f64; 6]>,
 }
 
 /// Bonds that broke in one evaluation.
@@ -129,7 +142,7 @@ pub struct NewBreaks {
 pub struct BondLoads<R, C> {
     /// Load of a bond over the mean limit of its ends, from the slots of both.
     pub ratio: R,
-    /// Stress conjugate to the eigenstrain that the bond of a point with a slot carries, Pa.
+    /// Stress conjugate to the eigenstrain that the bond of a point with a slot carries along itself, Pa.
     pub conjugate: C,
 }
 
@@ -138,8 +151,14 @@ impl FractureState {
     pub fn intact(family: &Family, points: usize) -> Self {
         FractureState {
             broken: vec![family.unbroken()],
-            frozen: vec![0.0; points],
+            frozen: vec![[0.0; 6]; points],
         }
+    }
+
+    /// Trace of the stress that broken bonds of a point carried, Pa.
+    pub fn trace(&self, point: usize) -> f64 {
+        let [xx, yy, zz, ..] = self.frozen[point];
+        xx + yy + zz
     }
 
     /// The state before any bond broke.
@@ -147,7 +166,7 @@ impl FractureState {
     pub fn before_breaks(&self) -> Self {
         FractureState {
             broken: self.broken.iter().map(BrokenBonds::unbroken).collect(),
-            frozen: vec![0.0; self.frozen.len()],
+            frozen: vec![[0.0; 6]; self.frozen.len()],
         }
     }
 
@@ -211,6 +230,11 @@ impl Fracture {
             criterion,
             ..
         } = section;
+        if section.limits == Limits::Published {
+            let message = "`limits` are those of plies";
+            let expected = "no `limits`, or `law.lamina`";
+            return Err(SetupError::value("fracture.limits", message, expected));
+        }
         let crossings = Crossings::of(interface, *criterion, setup, body, family)?;
         let this = setup.body(body);
         let strength = this.materials.iter().map(|material| {
@@ -390,7 +414,10 @@ impl Fracture {
         let weight = &self.weight;
         let mut lose = |point: usize, bond: &Bond, slot: usize| {
             damage[point] = (damage[point] + bond.weight / weight[point]).min(1.0);
-            frozen[point] += conjugate(point, bond, slot);
+            let stress = conjugate(point, bond, slot);
+            let [x, y, z] = bond.xi.map(|x| x * bond.inverse_length);
+            let along = [x * x, y * y, z * z, x * y, y * z, z * x];
+            (0..6).for_each(|c| frozen[point][c] += stress * along[c]);
         };
         let pairs = exceeding.iter();
         let pairs = pairs.filter_map(|e| e.break_bond(family, &mut broken[0], &mut lose));

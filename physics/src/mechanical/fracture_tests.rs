@@ -3,7 +3,7 @@ use perimelt_core::{Face, Horizon, Influence, LayerRole, Region, RunningCoupler}
 use proptest::prelude::*;
 
 use super::Mechanical;
-use super::fracture::{Criterion, Fracture, FractureSection};
+use super::fracture::{Criterion, Fracture, FractureSection, Limits};
 use super::moduli::{Moduli, Plane};
 use crate::testing::{block, read, run, set, simulation, values};
 use crate::thermal::Thermal;
@@ -41,6 +41,21 @@ fn spec(spacings: f64, influence: Influence) -> FamilySpec {
         influence,
         ..FamilySpec::new(1e-3)
     }
+}
+
+#[test]
+fn limits_of_plies_are_refused_in_other_solids() {
+    let body = block([9, 9, 1], 2, 1e-3, Store::Lattice, BRITTLE);
+    let mut world = World::new(vec![body]);
+    let mut setup = Setup::new(&mut world, std::path::Path::new("."));
+    let family = Family::build(setup.body(0), &spec(3.0, Influence::Constant)).expect("valid");
+    let section = FractureSection {
+        limits: Limits::Published,
+        ..FractureSection::default()
+    };
+    let refusal = Fracture::of(&section, &mut setup, 0, &family).err();
+    let message = refusal.expect("no plies").to_string();
+    assert!(message.contains("`limits` are those of plies"), "{message}");
 }
 
 #[test]

@@ -46,7 +46,7 @@ use perimelt_core::{Face, Setup, SetupError, World};
 use rayon::prelude::*;
 
 use super::classical::{COMPONENTS, Point, symmetric};
-use super::fields::{has_tensor_eigenstrain, is_conjugate_tensor_read};
+use super::fields::has_tensor_eigenstrain;
 use super::keys::{Formulation, Mechanical};
 use super::moduli::Moduli;
 use super::solid::{PointStates, StressFreeStrain, Wanted};
@@ -83,12 +83,10 @@ pub(super) fn check(
         let expected = "`formulation = \"correspondence\"` or `\"staggered\"`";
         return refuse("formulation", message, expected);
     }
-    let reads_tensor = is_conjugate_tensor_read(setup, body);
     let has_tensor =
         formulation == Formulation::Correspondence && has_tensor_eigenstrain(setup, body);
-    let heat = "the heat of deformation of a material that expands differently along its axes";
     let strain = "a stress-free strain that differs by direction in a correspondence solid";
-    let causes = [(grows, cause), (reads_tensor, heat), (has_tensor, strain)];
+    let causes = [(grows, cause), (has_tensor, strain)];
     let cause_of_fracture = causes.iter().find(|(applies, _)| *applies);
     if let (Some(_), Some((_, cause))) = (&keys.fracture, cause_of_fracture) {
         let message = format!("`fracture` does not support {cause}");

@@ -111,7 +111,7 @@ fn displacements_by_the_vectors_of_a_family_meet_no_force() {
                 if damaged {
                     let state = FractureState {
                         broken: vec![some_broken(solid.base().family(), points)],
-                        frozen: vec![0.0; points],
+                        frozen: vec![[0.0; 6]; points],
                     };
                     if solid.replace_fracture_state(state).is_none() {
                         continue;

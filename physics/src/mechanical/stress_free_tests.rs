@@ -188,7 +188,7 @@ fn a_linear_temperature_is_free_of_stress() {
                     if keys.contains("fracture") {
                         let state = FractureState {
                             broken: vec![some_broken(solid.base().family(), positions.len())],
-                            frozen: vec![0.0; positions.len()],
+                            frozen: vec![[0.0; 6]; positions.len()],
                         };
                         solid.replace_fracture_state(state);
                     }
@@ -438,15 +438,11 @@ fn what_does_not_know_a_tensor_is_refused() {
             "formulation = 'correspondence'\nfracture = {}",
             "`fracture` does not support a stress-free strain that differs by direction",
         ),
-        (
-            heat,
-            "formulation = 'bond'\nfracture = {}",
-            "`fracture` does not support the heat of deformation",
-        ),
+        (heat, "formulation = 'bond'\nfracture = {}", ""),
         (
             tensor,
             "formulation = 'correspondence'\nkinematics = 'finite'\nlaw.neo_hookean = {}",
-            "a stress-free strain that differs by direction makes its stress by a linear law",
+            "",
         ),
     ] {
         let body = block([9, 8, 1], 2, 1e-3, Store::Lattice, MATERIAL);
@@ -460,5 +456,36 @@ fn what_does_not_know_a_tensor_is_refused() {
         let message = error.map(|error| error.to_string()).unwrap_or_default();
         assert_eq!(message.is_empty(), part.is_empty(), "{keys}: {message}");
         assert!(message.contains(part), "{keys}: {message}");
+    }
+}
+
+/// Bonds that break carry their stress away, which is no unloading: the body must not heat by it, in any direction.
+#[test]
+fn breaking_bonds_do_not_change_the_conjugate_stress() {
+    for plane in ["", "plane = 'strain'"] {
+        let keys = format!("formulation = 'bond'\nfracture = {{}}\n{plane}");
+        let brittle = format!("{MATERIAL}\ncritical_stretch = 1e-3");
+        let body = block([9, 8, 1], 2, 1e-3, Store::Lattice, &brittle);
+        let positions = body.points.position.clone();
+        let mut mechanical = prepared(body, &keys);
+        let solid = &mut mechanical.solid;
+        let torn: Vec<f64> = (positions.iter())
+            .flat_map(|x| [2e-3 * x.x, 4e-4 * x.x - 5e-4 * x.y, 0.0])
+            .collect();
+        solid.set_displacement(&torn, &[]);
+        let mut force = vec![0.0; torn.len()];
+        solid.evaluate(Wanted::force(&mut force));
+        let wanted = || Wanted::stress(StressKind::Conjugate);
+        let before = solid.evaluate(wanted()).stress.to_vec();
+        let mut damage = vec![0.0; positions.len()];
+        assert!(solid.break_bonds(0.0, &mut damage).any);
+        let after = solid.evaluate(wanted()).stress;
+        let largest = before.iter().flatten().fold(0.0_f64, |m, s| m.max(s.abs()));
+        for (before, after) in before.iter().flatten().zip(after.iter().flatten()) {
+            assert!(
+                (before - after).abs() < 1e-12 * largest,
+                "{keys}: {before} {after}"
+            );
+        }
     }
 }

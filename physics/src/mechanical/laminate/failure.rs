@@ -4,24 +4,19 @@
 //! across, and pairs of crossing bonds. Every set has limits and broken bonds of its own.
 
 use perimelt_core::Family;
+use perimelt_core::SlotField;
 use perimelt_core::body::Layers;
 use perimelt_core::family::{BrokenBonds, Mirrored};
-use perimelt_core::{Bond, SlotField};
 
-use super::Laminate;
 use super::LayerSolid;
-use super::crack::{energy_along_fibres, opening_limit, shear_limit};
-use super::force::displacements;
+use super::crack::{energy_along_fibres, opening_limit, published_energy, shear_limit};
 use super::interface::Interface;
-use super::kernels::{
-    BondLoad, Excess, InterfaceLoad, LOAD_INPUTS, Load, SHEAR_INPUTS, StretchLimits,
-};
+use super::kernels::StretchLimits;
 use super::law::PlyConstants;
 use super::strength::PlyStrength;
-use crate::mechanical::exceeding::{Breakable, Exceeding, broken_pairs};
-use crate::mechanical::fracture::{FractureState, NewBreaks};
+use crate::mechanical::exceeding::{Exceeding, broken_pairs};
+use crate::mechanical::fracture::{FractureState, Limits};
 use crate::mechanical::solid::FailureMode;
-use crate::mechanical::specialise::specialise;
 use crate::plies::{CompleteFamily, is_along, plane_direction};
 
 /// The ways in which bonds break.
@@ -29,7 +24,7 @@ const MODES: [&str; 4] = ["fibre", "matrix", "opening", "sliding"];
 
 /// Which bonds a set has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum BondSet {
+pub(super) enum BondSet {
     /// Of a layer.
     Matrix(usize),
     /// Of a layer.
@@ -49,13 +44,15 @@ pub(super) struct Failure {
     /// Of a layer.
     points: usize,
     /// By set; only the stretch in tension counts at openings, and the angle in its place at sliding.
-    limits: Vec<StretchLimits>,
+    pub(super) limits: Vec<StretchLimits>,
     /// Unit vectors along the fibres that have bonds of their own, by layer.
-    fibres: Vec<Option<[f64; 2]>>,
+    pub(super) fibres: Vec<Option<[f64; 2]>>,
     /// Factor of the limits, infinite where bonds never break, by point of the body.
-    factor: Vec<f64>,
+    pub(super) factor: Vec<f64>,
     /// The same by slot of the plane and layer.
-    factors: Vec<SlotField>,
+    pub(super) factors: Vec<SlotField>,
+    /// Whether changes of the conjugate stress heat the body.
+    pub(super) heats: bool,
     /// Whether bonds of a set broke.
     has_broken: Vec<bool>,
     /// By mode and point of the body.
@@ -85,6 +82,7 @@ impl Failure {
             interfaces,
         } = *parts;
         let points = layers.points_of_layer();
+        let horizon = plane.spec().horizon.of(layers.plane().finest_spacing());
         let limits = |tension: f64, compression: f64, along| StretchLimits {
             tension,
             compression,
@@ -92,7 +90,10 @@ impl Failure {
         };
         let never = f64::INFINITY;
         let matrix = solids.iter().map(|layer| {
-            let energy = energy_along_fibres(complete, &layer.bonds, layer.dilatation);
+            let energy = match strength.limits {
+                Limits::Discrete => energy_along_fibres(complete, &layer.bonds, layer.dilatation),
+                Limits::Published => published_energy(&constants.ply, horizon),
+            };
             let stretch = match strength.critical_stretch.is_finite() {
                 true => strength.critical_stretch,
                 false => (strength.fracture_energy / energy).sqrt(),
@@ -139,8 +140,9 @@ impl Failure {
             has_broken: vec![false; broken.len()],
             state: FractureState {
                 broken,
-                frozen: Vec::new(),
+                frozen: vec![[0.0; 6]; factor.len()],
             },
+            heats: strength.heats,
             layers: solids.len(),
             points,
             limits,
@@ -155,7 +157,7 @@ impl Failure {
         self.layers - 1
     }
 
-    fn number(&self, set: BondSet) -> usize {
+    pub(super) fn number(&self, set: BondSet) -> usize {
         match set {
             BondSet::Matrix(layer) => layer,
             BondSet::Fibres(layer) => self.layers + layer,
@@ -302,7 +304,7 @@ impl Failure {
     }
 
     /// Breaks bonds, and adds the damage of their points to `damage`.
-    fn break_all(
+    pub(super) fn break_all(
         &mut self,
         plane: &Family,
         found: &[Exceeding],
@@ -369,132 +371,4 @@ fn lost_fraction(
         }
     });
     lost / total
-}
-
-impl Laminate {
-    /// Breaks the bonds beyond their limits whose load is at least `fraction` of the largest, in the displacement that was set.
-    pub(super) fn break_exceeding(&mut self, fraction: f64, damage: &mut [f64]) -> NewBreaks {
-        let Some(mut failure) = self.failure.take() else {
-            return NewBreaks::default();
-        };
-        let mut found = Vec::new();
-        for layer in 0..self.layers.len() {
-            let has_fibres = failure.fibres[layer].is_some();
-            let sets = [BondSet::Matrix(layer), BondSet::Fibres(layer)];
-            for set in &sets[..1 + usize::from(has_fibres)] {
-                self.find_in_layer(&failure, layer, failure.number(*set), &mut found);
-            }
-        }
-        for interface in 0..self.interfaces.len() {
-            self.find_open(&failure, interface, &mut found);
-            self.find_sliding(&failure, interface, &mut found);
-        }
-        Exceeding::keep_largest(&mut found, fraction);
-        if !found.is_empty() {
-            self.blocks.clear();
-        }
-        let pairs = failure.break_all(&self.plane, &found, damage);
-        self.failure = Some(failure);
-        NewBreaks {
-            pairs,
-            any: !found.is_empty(),
-        }
-    }
-
-    /// Bonds of a set of a layer beyond their limit.
-    fn find_in_layer(
-        &mut self,
-        failure: &Failure,
-        layer: usize,
-        set: usize,
-        found: &mut Vec<Exceeding>,
-    ) {
-        let limits = failure.limits[set];
-        if limits.tension == f64::INFINITY && limits.compression == f64::INFINITY {
-            return;
-        }
-        let own = self.layers[layer].inputs(true, &self.zeros);
-        let inputs: [&[f64]; LOAD_INPUTS] =
-            std::array::from_fn(|n| own.get(n).copied().unwrap_or(&failure.factors[layer]));
-        let breakable = Breakable {
-            set,
-            family: &self.plane,
-            broken: &failure.state.broken[set],
-        };
-        let excess = &mut self.work.scalars;
-        specialise!(FINITE = self.base.is_finite() =>
-            find_loaded(breakable, &Load::<FINITE>(limits), inputs, excess, found));
-    }
-
-    /// Bonds across an interface beyond their limit.
-    fn find_open(&self, failure: &Failure, interface: usize, found: &mut Vec<Exceeding>) {
-        let set = failure.number(BondSet::Opening(interface));
-        let limit = failure.limits[set].tension;
-        let points = self.points_of_layer();
-        let strained = self.strained();
-        for point in (0..points).filter(|point| !failure.is_open(interface, *point)) {
-            let both = [interface, interface + 1].map(|layer| layer * points + point);
-            let (stretch, _) = self.interfaces[interface].across(
-                strained,
-                both.map(|p| self.displacement[p]),
-                both.map(|p| self.strain[p][2]),
-            );
-            let [lower, upper] = both.map(|p| failure.factor[p]);
-            let ratio = stretch / (limit * 0.5 * (lower + upper));
-            if ratio >= 1.0 {
-                found.push(Exceeding {
-                    ratio,
-                    set,
-                    point,
-                    slot: self.plane.slot_of(point),
-                });
-            }
-        }
-    }
-
-    /// Pairs of crossing bonds of an interface beyond their limit.
-    fn find_sliding(&mut self, failure: &Failure, interface: usize, found: &mut Vec<Exceeding>) {
-        let set = failure.number(BondSet::Sliding(interface));
-        let [lower, upper] = [interface, interface + 1];
-        let own = displacements(&self.layers[lower], &self.layers[upper]);
-        let inputs: [&[f64]; SHEAR_INPUTS] = std::array::from_fn(|n| match own.get(n) {
-            Some(displacement) => *displacement,
-            None => &failure.factors[interface + n - own.len()],
-        });
-        let crossing = self.interfaces[interface].crossing;
-        let limit = failure.limits[set].tension;
-        let breakable = Breakable {
-            set,
-            family: &self.plane,
-            broken: &failure.state.broken[set],
-        };
-        let excess = &mut self.work.scalars;
-        specialise!(FINITE = self.base.is_finite() =>
-        find_loaded(
-            breakable,
-            &InterfaceLoad::<FINITE> { crossing, limit },
-            inputs,
-            excess,
-            found,
-        ));
-    }
-}
-
-/// Adds the bonds of a set beyond their limit to `found`; only those of points with an `excess` are examined, which it becomes.
-fn find_loaded<const I: usize>(
-    breakable: Breakable<'_>,
-    load: &impl BondLoad<I>,
-    inputs: [&[f64]; I],
-    excess: &mut [[f64; 1]],
-    found: &mut Vec<Exceeding>,
-) {
-    let Breakable { family, broken, .. } = breakable;
-    family.sum_unbroken(&Excess(load), inputs, Some(broken), excess);
-    let points = excess.iter().enumerate();
-    let points = points.filter(|(_, [e])| *e > 0.0).map(|(point, _)| point);
-    let ratio = |point: usize, _: usize, bond: &Bond, slot: usize| {
-        let [own, other] = [family.slot_of(point), slot].map(|slot| inputs.map(|i| i[slot]));
-        load.ratio(bond, &own, &other)
-    };
-    breakable.find_exceeding(points, ratio, found);
 }

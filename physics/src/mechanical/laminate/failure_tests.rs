@@ -8,7 +8,8 @@ use super::tests::{
     CONSTANTS, SPACING, displaced, energy, force, laminate_that_breaks, noise, plate,
 };
 use super::*;
-use crate::mechanical::solid::Solid;
+use crate::mechanical::fracture::Limits;
+use crate::mechanical::solid::{PointStates, Solid, StressFreeStrain, StressKind, Wanted};
 
 /// J/m², of opening and sliding.
 const ENERGIES: [f64; 2] = [2370.0, 7110.0];
@@ -24,6 +25,8 @@ fn strength(body: &Body) -> PlyStrength {
         critical_stretch: f64::INFINITY,
         fibres: [f64::INFINITY; 2],
         unbreakable: vec![false; body.points.len()],
+        limits: Limits::Discrete,
+        heats: true,
     }
 }
 
@@ -131,13 +134,12 @@ fn an_interface_that_opens_or_slides_dissipates_its_fracture_energy() {
     }
 }
 
-/// The published limit takes isotropic constants: 0.0177 for a horizon of 1.005 mm [Gao2020], 4.3.4.
+/// The published limit takes isotropic constants: the energy of an independent estimate is 1.3 to 1.4 times too large.
 #[test]
 fn the_published_stretch_dissipates_more() {
     let body = periodic(&[0.0], Stations::One, 12, &[Axis::X]);
-    let horizon = 3.0 * SPACING;
     let published = PlyStrength {
-        critical_stretch: 0.0177 * (1.005e-3 / horizon).sqrt(),
+        limits: Limits::Published,
         ..strength(&body)
     };
     let mut laminate = brittle(&body, false, &published);
@@ -145,8 +147,7 @@ fn the_published_stretch_dissipates_more() {
         [0.0, f64::from(u8::from(y > 6.0 * SPACING)), 0.0]
     });
     let ratio = lost / (12.0 * SPACING * 1e-3) / ENERGIES[0];
-    // an independent estimate is 1.3 to 1.4
-    assert!((1.2..1.4).contains(&ratio), "{ratio}");
+    assert!((1.27..1.4).contains(&ratio), "{ratio}");
 }
 
 #[test]
@@ -273,5 +274,86 @@ fn points_that_must_not_fail_keep_their_bonds() {
     laminate.break_bonds(0.0, &mut damage);
     for (damage, kept) in damage.iter().zip(kept) {
         assert_eq!(*damage > 0.0, !kept);
+    }
+}
+
+/// The stress conjugate to the stress-free strain of each point, Pa.
+fn conjugate(laminate: &mut Laminate) -> Vec<[f64; 6]> {
+    let wanted = Wanted::stress(StressKind::Conjugate);
+    laminate.evaluate(wanted).stress.to_vec()
+}
+
+fn set_free_strain(laminate: &mut Laminate, strain: &[[f64; 6]]) {
+    laminate.set_points(PointStates {
+        eigenstrain: Some(&vec![0.0; strain.len()]),
+        stress_free: Some(StressFreeStrain {
+            strain,
+            prescribed: strain,
+        }),
+        ..PointStates::default()
+    });
+}
+
+/// What the energy of unbroken bonds loses by a small stress-free strain is the work of the conjugate stress.
+#[test]
+fn the_conjugate_stress_is_the_derivative_of_the_energy_by_the_free_strain() {
+    let body = plate(&[0.0, 45.0, 90.0], &[1e-3, 0.5e-3, 1e-3], Stations::Two, 6);
+    let points = body.points.len();
+    let direction: Vec<[f64; 6]> = noise(6 * points)
+        .chunks(6)
+        .map(|c| std::array::from_fn(|i| if i < 4 { 1e-4 * c[i] } else { 0.0 }))
+        .collect();
+    for finite in [false, true] {
+        let mut laminate = damaged(&body, finite);
+        let size = if finite { 1e-3 } else { 1e-5 };
+        let state: Vec<f64> = noise(3 * points).iter().map(|u| size * u).collect();
+        let [up, down] = [1.0, -1.0].map(|sign| {
+            let strain: Vec<[f64; 6]> = direction.iter().map(|e| e.map(|e| sign * e)).collect();
+            set_free_strain(&mut laminate, &strain);
+            energy(&body, &mut laminate, &state)
+        });
+        set_free_strain(&mut laminate, &vec![[0.0; 6]; points]);
+        laminate.set_displacement(&state, &[]);
+        laminate.sum_conjugate_of_bonds(finite);
+        let work: f64 = (laminate.base.tensors.iter().zip(&direction))
+            .zip(&body.points.volume)
+            .map(|((s, e), volume)| {
+                let normal: f64 = (0..3).map(|c| s[c] * e[c]).sum();
+                volume * (normal + 2.0 * s[3] * e[3])
+            })
+            .sum();
+        let lost = 0.5 * (down - up);
+        assert!((lost / work - 1.0).abs() < 1e-8, "{finite}: {lost} {work}");
+    }
+}
+
+/// A break takes the stress of a bond away, which is no unloading: the body must not heat by it.
+#[test]
+fn breaking_bonds_do_not_change_the_conjugate_stress() {
+    let body = plate(&[0.0, 90.0], &[1e-3; 2], Stations::Two, 8);
+    for finite in [false, true] {
+        let weak = PlyStrength {
+            fracture_energy: 1.0,
+            shear_fracture_energy: 1.0,
+            fibres: [1e8; 2],
+            ..strength(&body)
+        };
+        let mut laminate = brittle(&body, finite, &weak);
+        let state: Vec<f64> = (noise(3 * body.points.len()).iter())
+            .map(|u| 1e-4 * u)
+            .collect();
+        laminate.set_displacement(&state, &[]);
+        let before = conjugate(&mut laminate);
+        let mut damage = vec![0.0; body.points.len()];
+        assert!(laminate.break_bonds(0.0, &mut damage).any);
+        let after = conjugate(&mut laminate);
+        let largest = before.iter().flatten().fold(0.0_f64, |m, s| m.max(s.abs()));
+        for (before, after) in before.iter().flatten().zip(after.iter().flatten()) {
+            assert!((before - after).abs() < 1e-12 * largest, "{before} {after}");
+        }
+        laminate.sum_conjugate_of_bonds(finite);
+        let change = |(now, before): (&[f64; 6], &[f64; 6])| (now[0] - before[0]).abs();
+        let lost = laminate.base.tensors.iter().zip(&before).map(change);
+        assert!(lost.fold(0.0, f64::max) > 0.1 * largest);
     }
 }

@@ -210,7 +210,7 @@ impl Laminate {
     /// Stress of each point: in the plane from its layer, across it the mean of the two interfaces beside it, which are
     /// zero at the surfaces.
     pub(super) fn sum_stress(&mut self, strained: Strained) {
-        self.sum_stress_of_layers(strained);
+        self.sum_stress_of_layers(strained, false);
         let points = self.points_of_layer();
         for number in 0..self.interfaces.len() {
             self.sum_interface(number, strained);
@@ -225,13 +225,24 @@ impl Laminate {
         }
     }
 
-    /// The stress conjugate to the stress-free strain of each point.
+    /// The stress conjugate to the stress-free strain of each point, with what broken bonds carried.
     pub(super) fn sum_conjugate_stress(&mut self, finite: bool) {
+        self.sum_conjugate_of_bonds(finite);
+        if let Some(failure) = &self.failure {
+            let frozen = failure.state.frozen.iter();
+            for (tensor, frozen) in self.base.tensors.iter_mut().zip(frozen) {
+                (0..6).for_each(|c| tensor[c] += frozen[c]);
+            }
+        }
+    }
+
+    /// The stress conjugate to the stress-free strain of each point by unbroken bonds.
+    pub(super) fn sum_conjugate_of_bonds(&mut self, finite: bool) {
         let strained = Strained {
             finite,
             elastic: false,
         };
-        self.sum_stress_of_layers(strained);
+        self.sum_stress_of_layers(strained, true);
         let points = self.points_of_layer();
         for (number, interface) in self.interfaces.iter().enumerate() {
             let failure = self.failure.as_ref();
@@ -249,8 +260,8 @@ impl Laminate {
         }
     }
 
-    /// Stress in the plane of each point by the bonds of its layer.
-    fn sum_stress_of_layers(&mut self, strained: Strained) {
+    /// Stress in the plane of each point by the bonds of its layer; that conjugate to the stress-free strain, if wanted.
+    fn sum_stress_of_layers(&mut self, strained: Strained, is_conjugate: bool) {
         self.load_pressure(strained, |_, _, _| {});
         let points = self.points_of_layer();
         let tensors = self.base.tensors.chunks_mut(points);
@@ -263,7 +274,13 @@ impl Laminate {
                 ..
             } = &mut self.work;
             specialise!(FINITE = strained.finite =>
-                sum_parts(&self.plane, &parts, PlyStress::<FINITE>, sums, added));
+            sum_parts(
+                &self.plane,
+                &parts,
+                |bonds| PlyStress::<FINITE> { bonds, is_conjugate },
+                sums,
+                added,
+            ));
             for (tensor, [xx, yy, xy]) in tensors.iter_mut().zip(sums) {
                 *tensor = [*xx, *yy, 0.0, *xy, 0.0, 0.0];
             }

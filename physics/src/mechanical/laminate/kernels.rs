@@ -130,15 +130,22 @@ impl<const FINITE: bool> BondKernel<INPUTS, 3> for PlyForce<FINITE> {
 }
 
 /// Stress in the plane, xx, yy, xy, Pa: half of what the bonds carry along themselves.
-pub(super) struct PlyStress<const FINITE: bool>(pub(super) PlyBonds);
+pub(super) struct PlyStress<const FINITE: bool> {
+    pub(super) bonds: PlyBonds,
+    /// Whether the stress is conjugate to the stress-free strain, which stretches bonds by their reference direction.
+    pub(super) is_conjugate: bool,
+}
 
 impl<const FINITE: bool> BondKernel<INPUTS, 3> for PlyStress<FINITE> {
     const RARE: bool = true;
 
     fn bond(&self, bond: &Bond, own: Inputs, other: Inputs) -> [f64; 3] {
         let Stretched { stretch, direction } = elastic::<FINITE>(bond, &own, &other);
-        let half = 0.5 * bond.length * tension(&self.0, bond, &own, &other, stretch);
-        let [x, y, _] = direction;
+        let half = 0.5 * bond.length * tension(&self.bonds, bond, &own, &other, stretch);
+        let [x, y] = match self.is_conjugate {
+            true => plane_direction(bond),
+            false => [direction[0], direction[1]],
+        };
         [half * x * x, half * y * y, half * x * y]
     }
 }

@@ -8,6 +8,7 @@
 //! Near free edges the bonds have the stiffness of the interior times the correction of the family; bonds along the fibres
 //! have a correction of their own, as the rows of fibres end elsewhere than the family does.
 
+mod breaking;
 mod crack;
 mod failure;
 #[cfg(test)]

@@ -3,9 +3,9 @@
 use perimelt_core::law::{Constant, Constants};
 use perimelt_core::material::ValueRange;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Setup, SetupError, register_property};
+use perimelt_core::{Access, Setup, SetupError, keys, register_property};
 
-use crate::mechanical::fracture::{Criterion, FractureSection};
+use crate::mechanical::fracture::{Criterion, FractureSection, Limits};
 
 register_property!(
     "shear_fracture_energy",
@@ -37,8 +37,11 @@ pub struct PlyStrength {
     pub(super) critical_stretch: f64,
     /// Of fibres under tension and compression, Pa; infinite where they do not break.
     pub(super) fibres: [f64; 2],
+    pub(super) limits: Limits,
     /// By point.
     pub(super) unbreakable: Vec<bool>,
+    /// Whether a change of the conjugate stress heats the body: breaking bonds must not change it.
+    pub(super) heats: bool,
 }
 
 const CONSTANTS: &[Constant] = &[
@@ -89,7 +92,10 @@ impl PlyStrength {
             shear_fracture_energy: sliding,
             critical_stretch: stretch,
             fibres: [tension, compression],
+            limits: section.limits,
             unbreakable: section.unbreakable(setup, body)?,
+            heats: setup.is_declared(body, &keys::CONJUGATE_STRESS, Access::Read)
+                || setup.is_declared(body, &keys::CONJUGATE_STRESS_TENSOR, Access::Read),
         })
     }
 }

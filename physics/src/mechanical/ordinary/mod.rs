@@ -262,6 +262,11 @@ impl<L: BondForce> Ordinary<L> {
                 (0..6).for_each(|c| tensor[c] += of_pressure[c]);
             }
         }
+        if let Some(fracture) = fracture {
+            for (tensor, frozen) in tensors.iter_mut().zip(&fracture.state.frozen) {
+                (0..6).for_each(|c| tensor[c] += frozen[c]);
+            }
+        }
         if elastic.is_plane_strain() {
             for (i, tensor) in tensors.iter_mut().enumerate() {
                 tensor[2] = elastic.moduli(i).stress_across(tensor, 0.0, 0.0);
@@ -288,7 +293,7 @@ impl<L: BondForce> Ordinary<L> {
             }
         }
         for (i, [_, conjugate]) in energy.iter_mut().enumerate() {
-            let frozen = fracture.as_ref().map_or(0.0, |f| f.state.frozen[i]);
+            let frozen = fracture.as_ref().map_or(0.0, |f| f.state.trace(i));
             *conjugate = (*conjugate + frozen) * elastic.moduli(i).swelling;
         }
     }

@@ -1,0 +1,157 @@
+//! Bonds of a laminate beyond their limits, which break.
+
+use perimelt_core::Bond;
+
+use super::Laminate;
+use super::failure::{BondSet, Failure};
+use super::force::displacements;
+use super::kernels::{BondLoad, Excess, InterfaceLoad, LOAD_INPUTS, Load, SHEAR_INPUTS};
+use crate::mechanical::exceeding::{Breakable, Exceeding};
+use crate::mechanical::fracture::NewBreaks;
+use crate::mechanical::specialise::specialise;
+
+impl Laminate {
+    /// Breaks the bonds beyond their limits whose load is at least `fraction` of the largest, in the displacement that was set.
+    pub(super) fn break_exceeding(&mut self, fraction: f64, damage: &mut [f64]) -> NewBreaks {
+        let Some(failure) = self.failure.take() else {
+            return NewBreaks::default();
+        };
+        let mut found = Vec::new();
+        for layer in 0..self.layers.len() {
+            let has_fibres = failure.fibres[layer].is_some();
+            let sets = [BondSet::Matrix(layer), BondSet::Fibres(layer)];
+            for set in &sets[..1 + usize::from(has_fibres)] {
+                self.find_in_layer(&failure, layer, failure.number(*set), &mut found);
+            }
+        }
+        for interface in 0..self.interfaces.len() {
+            self.find_open(&failure, interface, &mut found);
+            self.find_sliding(&failure, interface, &mut found);
+        }
+        Exceeding::keep_largest(&mut found, fraction);
+        self.failure = Some(failure);
+        if found.is_empty() {
+            return NewBreaks::default();
+        }
+        self.blocks.clear();
+        self.add_frozen(1.0);
+        let failure = self.failure.as_mut();
+        let pairs = failure.map(|failure| failure.break_all(&self.plane, &found, damage));
+        self.add_frozen(-1.0);
+        NewBreaks {
+            pairs: pairs.unwrap_or_default(),
+            any: true,
+        }
+    }
+
+    /// Adds the conjugate stress of unbroken bonds times a factor to what broken bonds carried, if its changes heat the body.
+    fn add_frozen(&mut self, factor: f64) {
+        if !self.failure.as_ref().is_some_and(|failure| failure.heats) {
+            return;
+        }
+        self.sum_conjugate_of_bonds(self.base.is_finite());
+        if let Some(failure) = &mut self.failure {
+            let points = failure.state.frozen.iter_mut().zip(&self.base.tensors);
+            for (frozen, stress) in points {
+                (0..6).for_each(|c| frozen[c] += factor * stress[c]);
+            }
+        }
+    }
+
+    /// Bonds of a set of a layer beyond their limit.
+    fn find_in_layer(
+        &mut self,
+        failure: &Failure,
+        layer: usize,
+        set: usize,
+        found: &mut Vec<Exceeding>,
+    ) {
+        let limits = failure.limits[set];
+        if limits.tension == f64::INFINITY && limits.compression == f64::INFINITY {
+            return;
+        }
+        let own = self.layers[layer].inputs(true, &self.zeros);
+        let inputs: [&[f64]; LOAD_INPUTS] =
+            std::array::from_fn(|n| own.get(n).copied().unwrap_or(&failure.factors[layer]));
+        let breakable = Breakable {
+            set,
+            family: &self.plane,
+            broken: &failure.state.broken[set],
+        };
+        let excess = &mut self.work.scalars;
+        specialise!(FINITE = self.base.is_finite() =>
+            find_loaded(breakable, &Load::<FINITE>(limits), inputs, excess, found));
+    }
+
+    /// Bonds across an interface beyond their limit.
+    fn find_open(&self, failure: &Failure, interface: usize, found: &mut Vec<Exceeding>) {
+        let set = failure.number(BondSet::Opening(interface));
+        let limit = failure.limits[set].tension;
+        let points = self.points_of_layer();
+        let strained = self.strained();
+        for point in (0..points).filter(|point| !failure.is_open(interface, *point)) {
+            let both = [interface, interface + 1].map(|layer| layer * points + point);
+            let (stretch, _) = self.interfaces[interface].across(
+                strained,
+                both.map(|p| self.displacement[p]),
+                both.map(|p| self.strain[p][2]),
+            );
+            let [lower, upper] = both.map(|p| failure.factor[p]);
+            let ratio = stretch / (limit * 0.5 * (lower + upper));
+            if ratio >= 1.0 {
+                found.push(Exceeding {
+                    ratio,
+                    set,
+                    point,
+                    slot: self.plane.slot_of(point),
+                });
+            }
+        }
+    }
+
+    /// Pairs of crossing bonds of an interface beyond their limit.
+    fn find_sliding(&mut self, failure: &Failure, interface: usize, found: &mut Vec<Exceeding>) {
+        let set = failure.number(BondSet::Sliding(interface));
+        let [lower, upper] = [interface, interface + 1];
+        let own = displacements(&self.layers[lower], &self.layers[upper]);
+        let inputs: [&[f64]; SHEAR_INPUTS] = std::array::from_fn(|n| match own.get(n) {
+            Some(displacement) => *displacement,
+            None => &failure.factors[interface + n - own.len()],
+        });
+        let crossing = self.interfaces[interface].crossing;
+        let limit = failure.limits[set].tension;
+        let breakable = Breakable {
+            set,
+            family: &self.plane,
+            broken: &failure.state.broken[set],
+        };
+        let excess = &mut self.work.scalars;
+        specialise!(FINITE = self.base.is_finite() =>
+        find_loaded(
+            breakable,
+            &InterfaceLoad::<FINITE> { crossing, limit },
+            inputs,
+            excess,
+            found,
+        ));
+    }
+}
+
+/// Adds the bonds of a set beyond their limit to `found`; only those of points with an `excess` are examined, which it becomes.
+fn find_loaded<const I: usize>(
+    breakable: Breakable<'_>,
+    load: &impl BondLoad<I>,
+    inputs: [&[f64]; I],
+    excess: &mut [[f64; 1]],
+    found: &mut Vec<Exceeding>,
+) {
+    let Breakable { family, broken, .. } = breakable;
+    family.sum_unbroken(&Excess(load), inputs, Some(broken), excess);
+    let points = excess.iter().enumerate();
+    let points = points.filter(|(_, [e])| *e > 0.0).map(|(point, _)| point);
+    let ratio = |point: usize, _: usize, bond: &Bond, slot: usize| {
+        let [own, other] = [family.slot_of(point), slot].map(|slot| inputs.map(|i| i[slot]));
+        load.ratio(bond, &own, &other)
+    };
+    breakable.find_exceeding(points, ratio, found);
+}
