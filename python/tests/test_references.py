@@ -17,7 +17,13 @@ else:
 CASES = Path(__file__).parents[2] / "cases"
 
 # those that take seconds
-FAST = ("closed_forms", "diffusion_series", "orthotropic", "thermoelastic_bar", "thermoelastic_waves")
+FAST = (
+    "closed_forms",
+    "diffusion_series",
+    "orthotropic",
+    "thermoelastic_bar",
+    "thermoelastic_waves",
+)
 
 
 def references(program: str) -> dict[str, list[float]]:
