@@ -18,8 +18,13 @@ CELSIUS = 273.15
 
 
 def iso_834(time: float) -> float:
-    """Gas temperature (K) of the standard fire at a time (s): EN 1991-1-2, eq. 3.4."""
-    return CELSIUS + 20 + 345 * log10(8 * time / 60 + 1)
+    """Gas temperature (K) of the standard fire at a time (s)."""
+    return CELSIUS + 20 + iso_834_rise(time)
+
+
+def iso_834_rise(time: float) -> float:
+    """Rise of the gas temperature (K) in the standard fire at a time (s): EN 1991-1-2, eq. 3.4."""
+    return 345 * log10(8 * time / 60 + 1)
 
 
 def steel_plate(cells: int) -> None:

@@ -9,9 +9,8 @@
   neighbours, those between plies k / h^2.
 """
 
-from math import log10
-
 import numpy as np
+from fires import iso_834, iso_834_rise
 from scipy.integrate import solve_ivp
 
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/(m2 K4)
@@ -28,11 +27,6 @@ def capacity(t):
     return np.interp(t, TEMPERATURE, CAPACITY)
 
 
-def rise_of_fire(time: float) -> float:
-    """EN 1991-1-2, eq. 3.4, K."""
-    return 345 * log10(8 * time / 60 + 1)
-
-
 def plate(width: float = 0.02, thickness: float = 0.003) -> None:
     """A plate of one temperature with the areas over the volume of its sides and of its edges."""
     sides, edges = 2 / thickness, 4 / width
@@ -40,7 +34,7 @@ def plate(width: float = 0.02, thickness: float = 0.003) -> None:
     for name, area in (("sides", sides), ("edges", edges), ("all", sides + edges)):
 
         def rate(time: float, t: np.ndarray, area: float = area) -> np.ndarray:
-            gas = 293.15 + rise_of_fire(time)
+            gas = iso_834(time)
             flux = 25 * (gas - t) + 0.8 * STEFAN_BOLTZMANN * (gas**4 - t**4)
             return area * flux / (DENSITY * capacity(t))
 
@@ -79,7 +73,7 @@ def heated_edge(cells: int, step: float, times=(100.0, 250.0, 500.0)) -> None:
         flow = THROUGH * np.diff(t, axis=0) / thickness**2
         rate[:-1] += flow
         rate[1:] -= flow
-        fire = 293 + rise_of_fire((number + 0.5) * step)
+        fire = 293 + iso_834_rise((number + 0.5) * step)
         rate[:, 0, held] += k[0][:, 0, held] * (fire - t[:, 0, held]) / (dx * dx / 2)
         h += step * rate
         time = (number + 1) * step

@@ -150,16 +150,18 @@ def waves(times=(4e-6, 8e-6), cells=2000, temperature=285.0, capacity=1620 * 109
     return found
 
 
+def lattice_bonds(horizon):
+    """Bonds of a point of a square lattice within a horizon (spacings): steps along x and y, length (spacings) and the part of the volume of the
+    other end inside."""
+    reach = range(-int(horizon), int(horizon) + 1)
+    bonds = [(i, j, math.hypot(i, j)) for i in reach for j in reach]
+    return [(i, j, length, min(1.0, horizon + 0.5 - length)) for i, j, length in bonds if 0 < length <= horizon]
+
+
 def sliding(angle=20.0, end=8e-4, energy=7110.0, modulus=1.308e9, distance=1e-3, horizon=3.0):
     """Mean force per area along x and y (Pa) while two rigid plies slide by `end` (m), by the bonds of a lattice: each breaks at the
     same angle. Also the part of the energy that bonds across a row of points have, which do not break when plies slide along it."""
-    reach = int(horizon)
-    bonds = []
-    for i in range(-reach, reach + 1):
-        for j in range(-reach, reach + 1):
-            length = math.hypot(i, j)
-            if 0 < length <= horizon:
-                bonds.append((i / length, j / length, length * min(1.0, horizon + 0.5 - length)))
+    bonds = [(i / length, j / length, length * volume) for i, j, length, volume in lattice_bonds(horizon)]
     scale = 2 * modulus / sum(m * x * x for x, _, m in bonds)
     whole = scale * sum(m for *_, m in bonds)
     limit = math.sqrt(4 * energy / (distance * whole))
@@ -179,12 +181,7 @@ def published_crack(ply=GRAPHITE_EPOXY, energy=2370.0, horizon=3.0, spacing=1e-3
     """Energy that a crack along the fibres takes by the limit of [Gao2020], eq. 4.38, over the given one: the bonds of a lattice across a plane, each of
     which breaks at the same stretch, and the dilatation of the points by the bonds that are left."""
     reach = int(horizon)
-    bonds = []
-    for i in range(-reach, reach + 1):
-        for j in range(-reach, reach + 1):
-            length = math.hypot(i, j)
-            if 0 < length <= horizon:
-                bonds.append((i, j, length * spacing, min(1.0, horizon + 0.5 - length)))
+    bonds = [(i, j, length * spacing, volume) for i, j, length, volume in lattice_bonds(horizon)]
     # theta is the trace of a uniform strain
     scale = 2 / sum(v * length for *_, length, v in bonds)
     bonds = [(i, j, length, scale * v) for i, j, length, v in bonds]

@@ -3,11 +3,46 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use perimelt::case::Case;
+use perimelt::run::Failure;
+use perimelt_core::Simulation;
 use perimelt_core::log::Log;
 
 /// The folder of the repository.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// A case file of this name and text, ready for its first step.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn start(name: &str, text: String) -> Result<(Case, Simulation), Failure> {
+    let case = Case::parse(name, text, Path::new(""))?;
+    let mut simulation = case.compose()?;
+    case.start(&mut simulation)?;
+    Ok((case, simulation))
+}
+
+/// A text with `right` replaced by `wrong`.
+///
+/// # Panics
+/// Where `right` does not occur once.
+pub fn changed(text: &str, right: &str, wrong: &str) -> String {
+    assert_eq!(text.matches(right).count(), 1, "`{right}` is there once");
+    text.replace(right, wrong)
+}
+
+/// What is said about a case file of this name and text, which has a mistake.
+///
+/// # Panics
+/// Where it has none.
+pub fn message(name: &str, text: String) -> String {
+    match start(name, text.clone()) {
+        Err(Failure::Case(mistake)) => mistake.render(false),
+        Err(other) => panic!("not a mistake in the case file: {other}"),
+        Ok(_) => panic!("accepted:\n{text}"),
+    }
 }
 
 /// Files with this extension in a folder and its folders.

@@ -13,17 +13,12 @@ const WELD: &str = include_str!("cases/weld.toml");
 
 /// The case with `right` replaced by `wrong`.
 fn changed(right: &str, wrong: &str) -> String {
-    assert_eq!(WELD.matches(right).count(), 1, "`{right}` is there once");
-    WELD.replace(right, wrong)
+    perimelt_tests::changed(WELD, right, wrong)
 }
 
 /// What is said about the case with `right` replaced by `wrong`.
 fn message(right: &str, wrong: &str) -> String {
-    match check(changed(right, wrong)) {
-        Err(Failure::Case(mistake)) => mistake.render(false),
-        Err(other) => panic!("not a mistake in the case file: {other}"),
-        Ok(()) => panic!("`{wrong}` is accepted"),
-    }
+    perimelt_tests::message("weld.toml", changed(right, wrong))
 }
 
 fn check(text: String) -> Result<(), Failure> {
@@ -31,9 +26,7 @@ fn check(text: String) -> Result<(), Failure> {
 }
 
 fn warnings(text: String) -> Result<Vec<String>, Failure> {
-    let case = Case::parse("weld.toml", text, Path::new(""))?;
-    let mut simulation = case.compose()?;
-    case.start(&mut simulation)?;
+    let (case, simulation) = perimelt_tests::start("weld.toml", text)?;
     Ok(case.warnings(&simulation)?)
 }
 
@@ -350,13 +343,9 @@ fn messages(changes: &[(&str, &str)]) -> String {
     let text = changes
         .iter()
         .fold(WELD.to_string(), |text, (right, wrong)| {
-            assert_eq!(text.matches(right).count(), 1, "`{right}` is there once");
-            text.replace(right, wrong)
+            perimelt_tests::changed(&text, right, wrong)
         });
-    match check(text) {
-        Err(Failure::Case(mistakes)) => mistakes.render(false),
-        other => panic!("{other:?}"),
-    }
+    perimelt_tests::message("weld.toml", text)
 }
 
 /// All mistakes that do not depend on each other are told at once.
@@ -706,8 +695,7 @@ interval = 1
 #[test]
 fn mistakes_of_two_fluids() {
     let told = |right: &str, wrong: &str| {
-        assert_eq!(DROP.matches(right).count(), 1, "`{right}` is there once");
-        let failure = check(DROP.replace(right, wrong)).expect_err(wrong);
+        let failure = check(perimelt_tests::changed(DROP, right, wrong)).expect_err(wrong);
         match failure {
             Failure::Case(mistake) => mistake.render(false),
             other => other.to_string(),
@@ -737,12 +725,8 @@ const MOVING_DROP: &str = include_str!("../../cases/verification/wang-8.5.3-cont
 #[test]
 fn mistakes_of_two_fluids_at_points_that_move() {
     let told = |right: &str, wrong: &str| {
-        assert_eq!(
-            MOVING_DROP.matches(right).count(),
-            1,
-            "`{right}` is there once"
-        );
-        let failure = check(MOVING_DROP.replace(right, wrong)).expect_err(wrong);
+        let changed = perimelt_tests::changed(MOVING_DROP, right, wrong);
+        let failure = check(changed).expect_err(wrong);
         match failure {
             Failure::Case(mistake) => mistake.render(false),
             other => other.to_string(),
@@ -832,8 +816,7 @@ fn mistakes_of_metal_and_gas() {
             "fluids = [\"steel\", \"argon\"]\nstep = 2e-7",
         ),
     ] {
-        assert_eq!(SPOT.matches(right).count(), 1, "`{right}` is there once");
-        let message = match check(SPOT.replace(right, wrong)) {
+        let message = match check(perimelt_tests::changed(SPOT, right, wrong)) {
             Err(Failure::Case(mistake)) => mistake.render(false),
             Err(other) => other.to_string(),
             Ok(()) => panic!("{name}: accepted"),

@@ -1,10 +1,7 @@
 //! Bodies with a stiffness along three axes: symmetry, resumption of the axes, and mistakes.
 
-use std::path::Path;
-
-use perimelt::case::Case;
-use perimelt::run::Failure;
 use perimelt_core::Simulation;
+use perimelt_tests::{changed, message, start};
 
 /// Grain that meets at x = 0 like a V, pulled along y; `{from}` is where the body begins.
 const CHEVRON: &str = r#"
@@ -58,13 +55,6 @@ step = 1
 interval = 1
 "#;
 
-fn start(text: String) -> Result<Simulation, Failure> {
-    let case = Case::parse("board.toml", text, Path::new(""))?;
-    let mut simulation = case.compose()?;
-    case.start(&mut simulation)?;
-    Ok(simulation)
-}
-
 fn board(from: &str, dimension: usize, keys: &str, couplers: &str) -> String {
     let depth = if dimension == 2 { "0.001" } else { "0.004" };
     let text = CHEVRON.replace("{from}", from).replace("{depth}", depth);
@@ -74,7 +64,8 @@ fn board(from: &str, dimension: usize, keys: &str, couplers: &str) -> String {
 }
 
 fn chevron(from: &str, dimension: usize, keys: &str, couplers: &str) -> Simulation {
-    let mut simulation = start(board(from, dimension, keys, couplers)).expect("a valid case");
+    let (_, mut simulation) =
+        start("board.toml", board(from, dimension, keys, couplers)).expect("a valid case");
     while !simulation.is_finished() {
         simulation.step().expect("a step");
     }
@@ -126,14 +117,7 @@ fn a_half_with_symmetry_is_half_of_the_whole() {
 #[test]
 fn mistakes_about_constants() {
     let text = board("0", 3, "formulation = \"staggered\"", "");
-    let told = |right: &str, wrong: &str| {
-        assert_eq!(text.matches(right).count(), 1, "`{right}` is there once");
-        match start(text.replace(right, wrong)) {
-            Err(Failure::Case(mistake)) => mistake.render(false),
-            Err(other) => panic!("{wrong}: {other:?}"),
-            Ok(_) => panic!("{wrong}: accepted"),
-        }
-    };
+    let told = |right: &str, wrong: &str| message("board.toml", changed(&text, right, wrong));
     let all = [
         told("poissons_ratio_13 = 0.45\n", ""),
         told("poissons_ratio_12 = 0.4\n", "poissons_ratio_12 = 4\n"),

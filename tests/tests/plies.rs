@@ -1,9 +1,6 @@
 //! Mistakes that a user makes about laminates, and what the user is told; the messages are in `snapshots/`.
 
-use std::path::Path;
-
-use perimelt::case::Case;
-use perimelt::run::Failure;
+use perimelt_tests::{changed, message, start};
 
 const PLATE: &str = r#"[bodies.plate]
 shape.box = { min = [0, 0, 0], max = [0.01, 0.01, 0.002] }
@@ -40,20 +37,9 @@ step = 1
 interval = 1
 "#;
 
-fn check(text: String) -> Result<(), Failure> {
-    let case = Case::parse("plate.toml", text, Path::new(""))?;
-    let mut simulation = case.compose()?;
-    case.start(&mut simulation)?;
-    Ok(())
-}
-
 /// What is said about the case with `right` replaced by `wrong`.
 fn told(right: &str, wrong: &str) -> String {
-    assert_eq!(PLATE.matches(right).count(), 1, "`{right}` is there once");
-    match check(PLATE.replace(right, wrong)) {
-        Err(Failure::Case(mistake)) => mistake.render(false),
-        other => panic!("{wrong}: {other:?}"),
-    }
+    message("plate.toml", changed(PLATE, right, wrong))
 }
 
 fn all(changes: &[(&str, &str)]) -> String {
@@ -66,7 +52,7 @@ fn all(changes: &[(&str, &str)]) -> String {
 
 #[test]
 fn the_case_itself_is_right() {
-    check(PLATE.to_string()).unwrap_or_else(|e| panic!("{e:?}"));
+    start("plate.toml", PLATE.to_string()).unwrap_or_else(|e| panic!("{e:?}"));
 }
 
 #[test]
@@ -152,7 +138,7 @@ fn strengths_of_plies() {
     const STRONG: &str = "density = 1620\nfracture_energy = 2370\nshear_fracture_energy = 7110";
     let brittle = PLATE.replace("law.lamina = {}", BREAKS);
     let strong = brittle.replace("density = 1620", STRONG);
-    check(strong.clone()).unwrap_or_else(|e| panic!("{e:?}"));
+    start("plate.toml", strong.clone()).unwrap_or_else(|e| panic!("{e:?}"));
     let mut told = Vec::new();
     for (case, right, wrong) in [
         (&brittle, "fracture = {}", "fracture = {}"),
@@ -192,11 +178,7 @@ fn strengths_of_plies() {
             "fracture = { limits = \"printed\" }",
         ),
     ] {
-        assert_eq!(case.matches(right).count(), 1, "`{right}` is there once");
-        match check(case.replace(right, wrong)) {
-            Err(Failure::Case(mistake)) => told.push(mistake.render(false)),
-            other => panic!("{wrong}: {other:?}"),
-        }
+        told.push(message("plate.toml", changed(case, right, wrong)));
     }
     insta::assert_snapshot!(told.join("\n\n"));
 }
@@ -215,7 +197,7 @@ fn heat_of_plies() {
         "[[physics]]\ntype = \"thermal\"\nhorizon = 3\n\n[[couplers]]\n",
     );
     let heated = heated.replace("temperature = \"300 + 10 * x * t\"\n", "");
-    check(heated.clone()).unwrap_or_else(|e| panic!("{e:?}"));
+    start("plate.toml", heated.clone()).unwrap_or_else(|e| panic!("{e:?}"));
     let mut told = Vec::new();
     for (right, wrong) in [
         ("horizon = 3", "form = \"ordinary\""),
@@ -234,11 +216,7 @@ fn heat_of_plies() {
             "[[couplers]]\ntype = \"convection\"\nregion = \"end\"\nfaces = [\"x-\"]\ncoefficient = 10\nambient = 300\n\n[[couplers]]\n",
         ),
     ] {
-        assert_eq!(heated.matches(right).count(), 1, "`{right}` is there once");
-        match check(heated.replace(right, wrong)) {
-            Err(Failure::Case(mistake)) => told.push(mistake.render(false)),
-            other => panic!("{wrong}: {other:?}"),
-        }
+        told.push(message("plate.toml", changed(&heated, right, wrong)));
     }
     insta::assert_snapshot!(told.join("\n\n"));
 }

@@ -100,9 +100,7 @@ fn body(store: &Store, log: &Log, info: &BodyInfo) -> Result<Value, LogError> {
         "points": info.points,
         // points of different spacings have a field of them
         "has_spacings": info.fields.iter().any(|field| field.name == SPACING),
-        "plies": (info.plies.iter())
-            .map(|ply| json!({ "angle": ply.angle, "middle": ply.middle }))
-            .collect::<Vec<_>>(),
+        "plies": info.plies,
         "times": times,
         "fields": fields,
         "isotherms": isotherms.collect::<Vec<_>>(),

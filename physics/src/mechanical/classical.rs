@@ -137,8 +137,7 @@ impl Point {
 
 /// Inelastic strain of a mirror image, which continues as the strain does: `sym(scale e mirror)`.
 pub(super) fn image_of(scale: &Matrix3<f64>, strain: &[f64; 6], mirror: &Matrix3<f64>) -> [f64; 6] {
-    let image = scale * symmetric(strain) * mirror;
-    COMPONENTS.map(|(a, b)| 0.5 * (image[(a, b)] + image[(b, a)]))
+    components(&(scale * symmetric(strain) * mirror))
 }
 
 /// Eigenstrain of a mirror image: that of a body which is symmetric about the face, or, where the displacement along the face is
@@ -159,6 +158,11 @@ pub(super) fn diagonal(signs: [f64; 3]) -> Matrix3<f64> {
 
 /// Row and column of xx, yy, zz, xy, yz, zx.
 pub(super) const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)];
+
+/// xx, yy, zz, xy, yz, zx of the symmetric part of a tensor.
+pub(super) fn components(tensor: &Matrix3<f64>) -> [f64; 6] {
+    COMPONENTS.map(|(a, b)| 0.5 * (tensor[(a, b)] + tensor[(b, a)]))
+}
 
 /// A symmetric tensor from xx, yy, zz, xy, yz, zx.
 pub(super) fn symmetric(&[xx, yy, zz, xy, yz, zx]: &[f64; 6]) -> Matrix3<f64> {

@@ -224,7 +224,7 @@ fn edge_depth(
     let bonds = ConductingBonds::new(complete, &family, angle, conductivity).ok()?;
     let [along, across, _] = conductivity.mean();
     let (sin, cos) = angle.sin_cos();
-    let normal = along * cos * cos + across * sin * sin;
+    let normal = turned([cos, sin], [along, across])[(0, 0)];
     let position = &plane.points.position;
     // the surface is at the upper end of x
     let layer = |point: usize| deep - 1 - (position[point].x / spacing) as usize;

@@ -176,6 +176,22 @@ export class Controls {
     this.#section("Bodies", ...boxes, row("Drawn as", form), this.edges.element);
   }
 
+  /** A slider over the values of a factor of the state, with its text; `what` changes. */
+  #factor(label, key, values, what) {
+    const text = make("output");
+    const slider = make("input", { type: "range", min: 0, max: values.length - 1, step: 1 });
+    slider.ariaLabel = label;
+    const show = () => (text.textContent = `${number(this.state[key])} ×`);
+    slider.value = Math.max(values.indexOf(this.state[key]), 0);
+    slider.addEventListener("input", () => {
+      this.state[key] = values[slider.value];
+      show();
+      this.changed(what);
+    });
+    show();
+    return [slider, text];
+  }
+
   /** Plies of laminates, where there are any. */
   #plies() {
     const count = most(this.run.bodies);
@@ -186,35 +202,14 @@ export class Controls {
       this.state.ply = Number(ply);
       this.changed("plies");
     });
-    const text = make("output");
-    const slider = make("input", { type: "range", min: 0, max: APART.length - 1, step: 1 });
-    slider.ariaLabel = "Distance of the plies";
-    const show = () => (text.textContent = `${number(this.state.apart)} ×`);
-    slider.value = Math.max(APART.indexOf(this.state.apart), 0);
-    slider.addEventListener("input", () => {
-      this.state.apart = APART[slider.value];
-      show();
-      this.changed("plies");
-    });
-    show();
-    this.#section("Plies", row("Ply", choice), row("Apart", slider, text));
+    const apart = this.#factor("Distance of the plies", "apart", APART, "plies");
+    this.#section("Plies", row("Ply", choice), row("Apart", ...apart));
   }
 
   #deformation() {
     const deforms = this.run.bodies.some((body) => body.fields.some((f) => f.name === "displacement"));
     if (!deforms) return;
-    const text = make("output");
-    const slider = make("input", { type: "range", min: 0, max: SCALES.length - 1, step: 1 });
-    slider.ariaLabel = "Deformation scale";
-    const show = () => (text.textContent = `${number(this.state.scale)} ×`);
-    slider.value = Math.max(SCALES.indexOf(this.state.scale), 0);
-    slider.addEventListener("input", () => {
-      this.state.scale = SCALES[slider.value];
-      show();
-      this.changed("look");
-    });
-    show();
-    this.#section("Deformation", row("Enlarged", slider, text));
+    this.#section("Deformation", row("Enlarged", ...this.#factor("Deformation scale", "scale", SCALES, "look")));
   }
 
   #clip() {

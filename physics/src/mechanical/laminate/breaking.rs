@@ -73,11 +73,7 @@ impl Laminate {
         let own = self.layers[layer].inputs(true, &self.zeros);
         let inputs: [&[f64]; LOAD_INPUTS] =
             std::array::from_fn(|n| own.get(n).copied().unwrap_or(&failure.factors[layer]));
-        let breakable = Breakable {
-            set,
-            family: &self.plane,
-            broken: &failure.state.broken[set],
-        };
+        let breakable = failure.breakable(set, &self.plane);
         let excess = &mut self.work.scalars;
         specialise!(FINITE = self.base.is_finite() =>
             find_loaded(breakable, &Load::<FINITE>(limits), inputs, excess, found));
@@ -120,11 +116,7 @@ impl Laminate {
         });
         let crossing = self.interfaces[interface].crossing;
         let limit = failure.limits[set].tension;
-        let breakable = Breakable {
-            set,
-            family: &self.plane,
-            broken: &failure.state.broken[set],
-        };
+        let breakable = failure.breakable(set, &self.plane);
         let excess = &mut self.work.scalars;
         specialise!(FINITE = self.base.is_finite() =>
         find_loaded(

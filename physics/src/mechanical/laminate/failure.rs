@@ -14,7 +14,7 @@ use super::interface::Interface;
 use super::kernels::StretchLimits;
 use super::law::PlyConstants;
 use super::strength::PlyStrength;
-use crate::mechanical::exceeding::{Exceeding, broken_pairs};
+use crate::mechanical::exceeding::{Breakable, Exceeding, broken_pairs};
 use crate::mechanical::fracture::{FractureState, Limits};
 use crate::mechanical::solid::FailureMode;
 use crate::plies::{CompleteFamily, is_along, plane_direction};
@@ -179,6 +179,15 @@ impl Failure {
 
     fn broken(&self, set: BondSet) -> &BrokenBonds {
         &self.state.broken[self.number(set)]
+    }
+
+    /// The bonds of a set, by its number.
+    pub(super) fn breakable<'a>(&'a self, set: usize, family: &'a Family) -> Breakable<'a> {
+        Breakable {
+            set,
+            family,
+            broken: &self.state.broken[set],
+        }
     }
 
     /// Broken bonds of matrix and fibres of a layer; `None` before the first one breaks.

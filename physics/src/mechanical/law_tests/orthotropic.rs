@@ -8,7 +8,7 @@ use perimelt_core::solver::largest_eigenvalue;
 use super::{check_derivatives_of, force, scattered, solid};
 use crate::mechanical::classical::{COMPONENTS, symmetric};
 use crate::mechanical::plasticity::StressState;
-use crate::mechanical::points::{BodyPoint, LawPoint, Orthotropic, PointResponse};
+use crate::mechanical::points::{BodyPoint, FreeStrain, LawPoint, Orthotropic, PointResponse};
 use crate::mechanical::solid::{PointStates, Solid, Stiffness, StressFreeStrain};
 use crate::testing::{block, read};
 
@@ -39,7 +39,7 @@ fn at(orientation: Vector3<f64>, stress_state: StressState) -> BodyPoint<'static
             start: 0.0,
         },
         stress_state,
-        stress_free: Matrix3::zeros(),
+        free: FreeStrain::isotropic(0.0),
     }
 }
 

@@ -20,6 +20,6 @@ mod umat;
 pub use law::{LawPoint, Measure, PointLaw, StepStates};
 pub use neo_hookean::NeoHookean;
 pub use orthotropic::Orthotropic;
-pub use response::{BodyPoint, PointResponse};
+pub use response::{BodyPoint, FreeStrain, PointResponse};
 pub(super) use states::{At, LawPoints};
 pub use umat::Umat;

@@ -9,6 +9,34 @@ use super::scratch::with_copy;
 use crate::mechanical::classical::Point;
 use crate::mechanical::plasticity::StressState;
 
+/// A strain that is free of stress: lengths of the undeformed body grow by one plus it.
+#[derive(Clone, Copy, Debug)]
+pub struct FreeStrain {
+    strain: Matrix3<f64>,
+    /// Inverse of the gradient of the deformation by it.
+    inverse_growth: Matrix3<f64>,
+}
+
+impl FreeStrain {
+    /// The same in all directions.
+    pub fn isotropic(strain: f64) -> Self {
+        FreeStrain {
+            strain: Matrix3::identity() * strain,
+            inverse_growth: Matrix3::identity() / (1.0 + strain),
+        }
+    }
+
+    /// With components.
+    pub fn with_components(strain: Matrix3<f64>) -> Self {
+        let growth = Matrix3::identity() + strain;
+        let not_finite = Matrix3::from_element(f64::NAN);
+        FreeStrain {
+            strain,
+            inverse_growth: growth.try_inverse().unwrap_or(not_finite),
+        }
+    }
+}
+
 /// A point in the stress state of its body.
 #[derive(Clone, Copy, Debug)]
 pub struct BodyPoint<'a> {
@@ -16,8 +44,8 @@ pub struct BodyPoint<'a> {
     pub point: LawPoint<'a>,
     /// The components that the stress of the body has; plane strain has all.
     pub stress_state: StressState,
-    /// Stress-free strain: lengths of the undeformed body grow by one plus it.
-    pub stress_free: Matrix3<f64>,
+    /// The strain that is free of stress.
+    pub free: FreeStrain,
 }
 
 /// What solids need of a law of points. Gradients H are those of the displacement; P is the first stress of Piola and
@@ -78,9 +106,9 @@ impl BodyPoint<'_> {
     /// The strain of a law, without the stress-free strain: the whole strain is the product of both gradients, or the sum of both
     /// strains.
     fn strain(&self, measure: Measure, gradient: &Matrix3<f64>) -> Matrix3<f64> {
-        let (free, finite) = (self.stress_free, self.point.finite);
+        let (free, finite) = (self.free.strain, self.point.finite);
         if measure.is_gradient(finite) {
-            return (Matrix3::identity() + gradient) * self.inverse_growth();
+            return (Matrix3::identity() + gradient) * self.free.inverse_growth;
         }
         let strain = Point::strain(gradient, finite) - free;
         if finite {
@@ -88,14 +116,6 @@ impl BodyPoint<'_> {
         } else {
             strain
         }
-    }
-
-    /// The inverse of the gradient of a deformation by the stress-free strain.
-    fn inverse_growth(&self) -> Matrix3<f64> {
-        let growth = Matrix3::identity() + self.stress_free;
-        growth
-            .try_inverse()
-            .unwrap_or(Matrix3::from_element(f64::NAN))
     }
 
     /// P of the stress of a law.
@@ -106,7 +126,7 @@ impl BodyPoint<'_> {
         stress: Matrix3<f64>,
     ) -> Matrix3<f64> {
         match (measure.is_gradient(self.point.finite), self.point.finite) {
-            (true, _) => stress * self.inverse_growth(),
+            (true, _) => stress * self.free.inverse_growth,
             (false, true) => stress + gradient * stress,
             (false, false) => stress,
         }
@@ -260,7 +280,7 @@ fn closed_tangent<L: PointLaw>(
     let (strain, finite) = (at.strain(L::STRAIN, gradient), at.point.finite);
     let is_gradient = L::STRAIN.is_gradient(finite);
     let rate = match (is_gradient, finite) {
-        (true, _) => change * at.inverse_growth(),
+        (true, _) => change * at.free.inverse_growth,
         (false, true) => {
             let turned = (Matrix3::identity() + gradient).transpose() * change;
             0.5 * (turned + turned.transpose())

@@ -7,9 +7,9 @@ use perimelt_core::{Body, Step};
 use rayon::prelude::*;
 
 use super::law::{LawPoint, StepStates};
-use super::response::{BodyPoint, PointResponse};
+use super::response::{BodyPoint, FreeStrain, PointResponse};
 use super::scratch::with_copy;
-use crate::mechanical::classical::{COMPONENTS, diagonal, symmetric};
+use crate::mechanical::classical::{COMPONENTS, components, diagonal, symmetric};
 use crate::mechanical::elastic::ElasticPoints;
 use crate::mechanical::gradient::Gradient;
 use crate::mechanical::plasticity::bulk_modulus;
@@ -144,10 +144,13 @@ impl LawPoints {
             Some(axes) => signs * axes.of(point),
             None => Matrix3::identity(),
         };
-        let mut stress_free = Matrix3::identity() * (elastic.eigenstrain[point] / moduli.swelling);
-        if let Some(strain) = elastic.prescribed.get(point) {
-            stress_free += signs * symmetric(strain) * signs;
-        }
+        let isotropic = elastic.eigenstrain[point] / moduli.swelling;
+        let free = match elastic.prescribed.get(point) {
+            None => FreeStrain::isotropic(isotropic),
+            Some(strain) => FreeStrain::with_components(
+                Matrix3::identity() * isotropic + signs * symmetric(strain) * signs,
+            ),
+        };
         BodyPoint {
             point: LawPoint {
                 constants: &self.values[point * count..][..count],
@@ -163,7 +166,7 @@ impl LawPoints {
                 spacing,
             },
             stress_state,
-            stress_free,
+            free,
         }
     }
 
@@ -254,14 +257,16 @@ impl LawPoints {
         point: usize,
         gradient: &Matrix3<f64>,
     ) -> [f64; 6] {
-        let (at, state) = (self.at(elastic, point, [1.0; 3]), self.states.tried(point));
-        let gradient = self.law.complete(&at, gradient, state);
-        let mut stress = self.law.piola(&at, &gradient, state);
+        let Stressed {
+            gradient,
+            mut stress,
+            ..
+        } = self.stressed(self.at(elastic, point, [1.0; 3]), gradient);
         if elastic.finite {
             let deformation = Matrix3::identity() + gradient;
             stress = stress * deformation.transpose() / deformation.determinant();
         }
-        COMPONENTS.map(|(a, b)| 0.5 * (stress[(a, b)] + stress[(b, a)]))
+        components(&stress)
     }
 
     /// Energy density at the trial state, J/m³.
@@ -283,13 +288,12 @@ impl LawPoints {
         point: usize,
         gradient: &Matrix3<f64>,
     ) -> [f64; 2] {
-        let at = self.at_total_strain(elastic, point);
-        let state = self.states.tried(point);
-        let gradient = self.law.complete(&at, gradient, state);
-        let stress = self.law.piola(&at, &gradient, state);
-        let trace: f64 = (0..elastic.dimension).map(|a| stress[(a, a)]).sum();
+        let total = self.of_total_strain(elastic, point, gradient);
+        let trace: f64 = (0..elastic.dimension).map(|a| total.stress[(a, a)]).sum();
         let swelling = elastic.moduli(point).swelling;
-        [self.law.energy(&at, &gradient, state), trace * swelling]
+        let state = self.states.tried(point);
+        let energy = self.law.energy(&total.at, &total.gradient, state);
+        [energy, trace * swelling]
     }
 
     /// Stress of the total strain as xx, yy, zz, xy, yz, zx, Pa.
@@ -299,20 +303,38 @@ impl LawPoints {
         point: usize,
         gradient: &Matrix3<f64>,
     ) -> [f64; 6] {
-        let (at, state) = (
-            self.at_total_strain(elastic, point),
-            self.states.tried(point),
-        );
-        let gradient = self.law.complete(&at, gradient, state);
-        let stress = self.law.piola(&at, &gradient, state);
-        COMPONENTS.map(|(a, b)| 0.5 * (stress[(a, b)] + stress[(b, a)]))
+        components(&self.of_total_strain(elastic, point, gradient).stress)
     }
 
     /// A point without its stress-free strain.
-    fn at_total_strain(&self, elastic: &ElasticPoints, point: usize) -> BodyPoint<'_> {
-        BodyPoint {
-            stress_free: Matrix3::zeros(),
+    fn of_total_strain(
+        &self,
+        elastic: &ElasticPoints,
+        point: usize,
+        gradient: &Matrix3<f64>,
+    ) -> Stressed<'_> {
+        let at = BodyPoint {
+            free: FreeStrain::isotropic(0.0),
             ..self.at(elastic, point, [1.0; 3])
+        };
+        self.stressed(at, gradient)
+    }
+
+    /// A point in the trial state.
+    fn stressed<'a>(&self, at: BodyPoint<'a>, gradient: &Matrix3<f64>) -> Stressed<'a> {
+        let state = self.states.tried(at.point.number);
+        let gradient = self.law.complete(&at, gradient, state);
+        Stressed {
+            stress: self.law.piola(&at, &gradient, state),
+            gradient,
+            at,
         }
     }
+}
+
+/// A point with its complete gradient of the displacement and its stress P, Pa.
+struct Stressed<'a> {
+    at: BodyPoint<'a>,
+    gradient: Matrix3<f64>,
+    stress: Matrix3<f64>,
 }

@@ -17,6 +17,7 @@ use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
 use super::Matter;
+use crate::plies::turned;
 use crate::thermal::plies::PlyConductivity;
 
 /// Points per parallel task.
@@ -95,9 +96,8 @@ impl PlyFlow {
     fn along_axis(&self, point: usize, axis: usize, [along, across, through]: [f64; 3]) -> f64 {
         let (sin, cos) = self.layers.angle(point).sin_cos();
         match axis {
-            0 => along * cos * cos + across * sin * sin,
-            1 => along * sin * sin + across * cos * cos,
-            _ => through,
+            2 => through,
+            _ => turned([cos, sin], [along, across])[(axis, axis)],
         }
     }
 
