@@ -79,6 +79,10 @@ plotted deposited_fillet.png cases/welding/deposited_fillet.toml joint-stress.xx
 
 plotted multi_pass_heat_treatment.png cases/welding/multi_pass_heat_treatment.toml probe-stress-along-the-weld.png --at 1800,30000
 
+blast=cases/fracture/laminate_blast.toml
+plotted laminate_blast_matrix.png $blast plate-damage.matrix-60µs.png --field damage.matrix --at 6e-5 --ply 1,2
+plotted laminate_blast_sliding.png $blast plate-damage.sliding-60µs.png --field damage.sliding --at 6e-5 --ply 1,2
+
 plotted haz_hardness.png cases/welding/haz_hardness.toml plate-hardness-60s.png --field hardness --at 60
 
 plotted single_track_temperature.png cases/additive/single_track.toml block-temperature-0.55ms.png --field temperature --at 5.5e-4
