@@ -111,9 +111,18 @@ fn tension(law: &PlyBonds, bond: &Bond, own: &Inputs, other: &Inputs, stretch: f
 pub(super) struct Dilatation<const FINITE: bool>;
 
 impl<const FINITE: bool> BondKernel<INPUTS, 1> for Dilatation<FINITE> {
+    const PAIRED: usize = 1;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: Inputs, other: Inputs) -> [f64; 1] {
-        [bond.weight * bond.length * elastic::<FINITE>(bond, &own, &other).stretch]
+        let [here, _] = self.ends(bond, own, other);
+        here
+    }
+
+    #[inline(always)]
+    fn ends(&self, bond: &Bond, own: Inputs, other: Inputs) -> [[f64; 1]; 2] {
+        let extension = bond.length * elastic::<FINITE>(bond, &own, &other).stretch;
+        [[bond.weight * extension], [bond.dual * extension]]
     }
 }
 
@@ -121,6 +130,8 @@ impl<const FINITE: bool> BondKernel<INPUTS, 1> for Dilatation<FINITE> {
 pub(super) struct PlyForce<const FINITE: bool>(pub(super) PlyBonds);
 
 impl<const FINITE: bool> BondKernel<INPUTS, 3> for PlyForce<FINITE> {
+    const PAIRED: usize = 3;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: Inputs, other: Inputs) -> [f64; 3] {
         let Stretched { stretch, direction } = elastic::<FINITE>(bond, &own, &other);
@@ -170,9 +181,16 @@ pub(super) trait BondLoad<const I: usize>: Sync {
 pub(super) struct Excess<'a, L>(pub(super) &'a L);
 
 impl<const I: usize, L: BondLoad<I>> BondKernel<I, 1> for Excess<'_, L> {
+    const PAIRED: usize = 1;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; 1] {
         [(self.0.ratio(bond, &own, &other) - 1.0).max(0.0)]
+    }
+
+    #[inline(always)]
+    fn ends(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [[f64; 1]; 2] {
+        [self.bond(bond, own, other); 2]
     }
 }
 
@@ -204,10 +222,17 @@ impl<const FINITE: bool> BondLoad<LOAD_INPUTS> for Load<FINITE> {
 pub(super) struct PlyEnergy<const FINITE: bool>(pub(super) PlyBonds);
 
 impl<const FINITE: bool> BondKernel<INPUTS, 1> for PlyEnergy<FINITE> {
+    const PAIRED: usize = 1;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: Inputs, other: Inputs) -> [f64; 1] {
         let stretch = elastic::<FINITE>(bond, &own, &other).stretch;
         [0.25 * stiffness(&self.0, bond, &own, &other) * bond.length * stretch * stretch]
+    }
+
+    #[inline(always)]
+    fn ends(&self, bond: &Bond, own: Inputs, other: Inputs) -> [[f64; 1]; 2] {
+        [self.bond(bond, own, other); 2]
     }
 }
 
@@ -295,12 +320,22 @@ impl Crossing {
 pub(super) struct InterfaceForce<const FINITE: bool>(pub(super) Crossing);
 
 impl<const FINITE: bool> BondKernel<6, 6> for InterfaceForce<FINITE> {
+    const PAIRED: usize = 6;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 6], other: [f64; 6]) -> [f64; 6] {
+        let [here, _] = self.ends(bond, own, other);
+        here
+    }
+
+    #[inline(always)]
+    fn ends(&self, bond: &Bond, own: [f64; 6], other: [f64; 6]) -> [[f64; 6]; 2] {
         let pair = self.0.pair::<FINITE>(bond, &own, &other);
         let size = 0.5 * pair.length * bond.inverse_length * (pair.moment * pair.angle);
-        let ([ux, uy, uz], [dx, dy, dz]) = (pair.up.direction, pair.down.direction);
-        [ux, uy, uz, dx, dy, dz].map(|n| size * n)
+        let [up, down] = [pair.up, pair.down].map(|bond| bond.direction.map(|n| size * n));
+        let ([ux, uy, uz], [dx, dy, dz]) = (up, down);
+        // from the other end the bond down is that up, and the angle is opposite
+        [[ux, uy, uz, dx, dy, dz], [-dx, -dy, -dz, -ux, -uy, -uz]]
     }
 }
 
@@ -327,10 +362,17 @@ impl<const FINITE: bool> BondLoad<SHEAR_INPUTS> for InterfaceLoad<FINITE> {
 pub(super) struct InterfaceEnergy<const FINITE: bool>(pub(super) Crossing);
 
 impl<const FINITE: bool> BondKernel<6, 1> for InterfaceEnergy<FINITE> {
+    const PAIRED: usize = 1;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 6], other: [f64; 6]) -> [f64; 1] {
         let pair = self.0.pair::<FINITE>(bond, &own, &other);
         [0.25 * self.0.distance * pair.moment * pair.angle * pair.angle]
+    }
+
+    #[inline(always)]
+    fn ends(&self, bond: &Bond, own: [f64; 6], other: [f64; 6]) -> [[f64; 1]; 2] {
+        [self.bond(bond, own, other); 2]
     }
 }
 
