@@ -19,12 +19,10 @@ fn brittle(body: &Body, finite: bool, strength: &PlyStrength) -> Laminate {
     laminate_that_breaks(body, finite, Some(strength.clone()))
 }
 
-/// The strength of a body with fracture energies of opening and sliding (J/m²) and other strengths as keys of its material.
-fn strength_of(body: &Body, [opening, sliding]: [f64; 2], others: &str) -> PlyStrength {
+/// The strength of a body with the keys of its material.
+pub(super) fn strength_of(body: &Body, keys: &str) -> PlyStrength {
     let mut body = body.clone();
-    body.materials = vec![material(&format!(
-        "fracture_energy = {opening:e}\nshear_fracture_energy = {sliding:e}\n{others}"
-    ))];
+    body.materials = vec![material(keys)];
     PlyStrength {
         constants: constants_of(&body, strength::CONSTANTS),
         unbreakable: vec![false; body.points.len()],
@@ -33,14 +31,19 @@ fn strength_of(body: &Body, [opening, sliding]: [f64; 2], others: &str) -> PlySt
     }
 }
 
+/// Keys of fracture energies of opening and sliding, J/m².
+fn energies([opening, sliding]: [f64; 2]) -> String {
+    format!("fracture_energy = {opening:e}\nshear_fracture_energy = {sliding:e}\n")
+}
+
 fn strength(body: &Body) -> PlyStrength {
-    strength_of(body, ENERGIES, "")
+    strength_of(body, &energies(ENERGIES))
 }
 
 /// A strength at which bonds of all modes break by small displacements.
 fn weak(body: &Body) -> PlyStrength {
     let fibres = "tensile_strength_1 = 1e8\ncompressive_strength_1 = 1e8";
-    strength_of(body, [1.0; 2], fibres)
+    strength_of(body, &(energies([1.0; 2]) + fibres))
 }
 
 /// Energy that bonds lose by breaking while the displacement `of` grows up to a factor, J. Bonds break right at their limits.
@@ -173,7 +176,7 @@ fn fibres_break_at_their_strength_in_tension_and_compression() {
                 "tensile_strength_1 = {tension:e}\ncompressive_strength_1 = {compression:e}"
             );
             // the matrix holds
-            let strong = strength_of(&body, [1e9, ENERGIES[1]], &fibres);
+            let strong = strength_of(&body, &(energies([1e9, ENERGIES[1]]) + &fibres));
             for (factor, broken) in [(0.99, false), (1.01, true)] {
                 let mut laminate = brittle(&body, false, &strong);
                 let displacement = displaced(&body, |x, y, _| {

@@ -23,6 +23,8 @@ mod limits;
 mod solid;
 mod strength;
 #[cfg(test)]
+mod temperature_tests;
+#[cfg(test)]
 mod tests;
 mod weights;
 
