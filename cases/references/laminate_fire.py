@@ -43,7 +43,7 @@ def plate(width: float = 0.02, thickness: float = 0.003) -> None:
 
 
 def heated_edge(cells: int, step: float, times=(100.0, 250.0, 500.0)) -> None:
-    """Mean rises of the plies, temperatures on the line y = W/2 and ignited areas."""
+    """Mean rises of the plies, temperatures on the line y = W/2 and ignited areas; gives times and temperatures by ply, x and y."""
     length, thickness = 0.1, 0.001
     dx = length / cells
     middle = (np.arange(cells) + 0.5) * dx
@@ -86,9 +86,10 @@ def heated_edge(cells: int, step: float, times=(100.0, 250.0, 500.0)) -> None:
                 print(f"    x = {x} m: " + ", ".join(f"{np.interp(x, middle, line[ply]):.2f}" for ply in (0, 1)) + " K")
             ignited = (t > 573).sum(axis=(1, 2)) * dx * dx * 1e6
             print(f"    above 573 K: {ignited.round(1)} mm2; heat {(h - np.interp(293.0, fine, enthalpy)).sum() * dx * dx * thickness:.1f} J")
+            yield time, t
 
 
 if __name__ == "__main__":
     plate()
-    heated_edge(40, 0.1)
-    heated_edge(80, 0.05)
+    for cells, step in ((40, 0.1), (80, 0.05)):
+        list(heated_edge(cells, step))

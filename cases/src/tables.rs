@@ -10,12 +10,19 @@ const BEYOND: f64 = 30.0;
 const BELOW: f64 = 100.0;
 
 /// Properties of the solid only, which have no meaning in the melt.
-const OF_SOLID: [&str; 5] = [
+const OF_SOLID: [&str; 12] = [
     "youngs_modulus",
     "poissons_ratio",
     "yield_stress",
     "hardening_modulus",
     "thermal_expansion",
+    "youngs_modulus_1",
+    "youngs_modulus_2",
+    "youngs_modulus_3",
+    "poissons_ratio_12",
+    "shear_modulus_12",
+    "shear_modulus_13",
+    "shear_modulus_23",
 ];
 
 /// Properties of the liquid only.

@@ -161,16 +161,8 @@ pub(crate) struct TensorBonds {
 }
 
 impl TensorBonds {
-    /// The bonds with this tensor; `None` if one is negative.
-    pub(crate) fn new(family: &CompleteFamily, moduli: &Matrix2<f64>) -> Option<Self> {
-        let bonds = Self::of_any_sign(family, moduli)?;
-        let mut all = family.bonds.iter();
-        all.all(|bond| bonds.of(bond.direction) >= 0.0)
-            .then_some(bonds)
-    }
-
     /// The bonds with this tensor; `None` where bonds run in too few directions.
-    pub(crate) fn of_any_sign(family: &CompleteFamily, moduli: &Matrix2<f64>) -> Option<Self> {
+    pub(crate) fn new(family: &CompleteFamily, moduli: &Matrix2<f64>) -> Option<Self> {
         let matrix = family.moments(|[x, y]| {
             let [one, cos2, sin2, ..] = waves([1.0, 0.0], [x, y]);
             [[x * x, y * y, x * y], [one, cos2, sin2]]

@@ -95,8 +95,16 @@ fn plies_that_have_no_bonds() {
         ("poissons_ratio_12 = 0.28", "poissons_ratio_12 = 4.3"),
         ("youngs_modulus_2 = 10.3e9\n", ""),
         (
+            "youngs_modulus_2 = 10.3e9",
+            "youngs_modulus_2 = { temperature = [300, 400], value = [10.3e9, 2400e9] }"
+        ),
+        (
             "shear_modulus_12 = 7.17e9",
-            "shear_modulus_12 = { temperature = [300, 400], value = [7e9, 6e9] }"
+            "shear_modulus_12 = { temperature = [300, 400], value = [7e9, 200e9] }"
+        ),
+        (
+            "shear_modulus_13 = 1.308e9",
+            "shear_modulus_13 = { temperature = [300, 400], value = [1.308e9, 9e9] }"
         ),
     ]));
 }
@@ -150,7 +158,7 @@ fn strengths_of_plies() {
         (
             &strong,
             "\nfracture_energy = 2370",
-            "\nfracture_energy = { temperature = [300, 400], value = [2370, 2000] }",
+            "\nfracture_energy = { temperature = [300, 400], value = [2370, 0] }",
         ),
         (
             &strong,

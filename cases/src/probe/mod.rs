@@ -13,7 +13,9 @@ pub mod interpolation;
 mod section;
 
 use interpolation::{Interpolation, Weights};
-pub use section::{LineProbe, MeltPoolProbe, ProbeKind, ProbeSection, RegionProbe, Statistic};
+pub use section::{
+    Above, LineProbe, MeltPoolProbe, ProbeKind, ProbeSection, RegionProbe, Statistic,
+};
 
 /// Most positions of a line: each is a column of a time series.
 const MAX_LINE: usize = 100_000;
@@ -33,8 +35,16 @@ pub struct Probe {
 enum Quantity {
     /// Weighted means at positions, those of a window of finer points where there is one.
     Positions(Component, Vec<Spot>, Option<Component>),
-    Region(Component, Vec<u32>, Statistic),
+    Region(Component, Selected, Statistic),
     MeltPool(FieldIndex, PoolProbe),
+}
+
+/// Points of which a number is computed.
+#[derive(Debug)]
+struct Selected {
+    points: Vec<u32>,
+    /// Only where a field is above a value.
+    condition: Option<(Component, f64)>,
 }
 
 /// A position (m) with its points.
@@ -123,9 +133,21 @@ impl Probe {
                 (columns, Quantity::Positions(component, spots, finer))
             }
             ProbeKind::Region(region) => {
-                let selected = points_of(world, body, region.name.as_deref(), "kind.region.name")?;
-                let unit = match (region.statistic, points.dimension) {
-                    (Statistic::Integral, _) => format!("{unit} m3"),
+                let condition = |condition: &Above| -> Result<_, SetupError> {
+                    let key = "kind.region.where.field";
+                    let field = find_field(simulation, body, &condition.field, key)?;
+                    let component = Component::new(world, field, None)?;
+                    Ok((component, condition.above))
+                };
+                let condition = region.condition.as_ref().map(condition);
+                let selected = Selected {
+                    points: points_of(world, body, region.name.as_deref(), "kind.region.name")?,
+                    condition: condition.transpose()?,
+                };
+                let unit = match region.statistic {
+                    Statistic::Integral => format!("{unit} m3"),
+                    Statistic::VolumeAbove(_) => "m3".into(),
+                    Statistic::FractionAbove(_) => "1".into(),
                     _ => unit,
                 };
                 (
@@ -155,13 +177,15 @@ impl Probe {
                 };
                 spots.iter().map(value).collect()
             }
-            Quantity::Region(component, points, statistic) => {
+            Quantity::Region(component, selected, statistic) => {
                 let activity = world.activity(self.body);
                 let there = |p: &&u32| {
-                    let activity = activity.as_ref();
-                    activity.is_none_or(|a| is_active(a[**p as usize]))
+                    let (activity, point) = (activity.as_ref(), **p as usize);
+                    let mut condition = selected.condition.iter();
+                    activity.is_none_or(|a| is_active(a[point]))
+                        && condition.all(|(field, above)| field.at(world, point) > *above)
                 };
-                let values = points.iter().filter(there).map(|&p| {
+                let values = selected.points.iter().filter(there).map(|&p| {
                     (
                         component.at(world, p as usize),
                         body.points.volume[p as usize],
@@ -219,15 +243,29 @@ pub(crate) fn largest(values: impl Iterator<Item = f64>) -> f64 {
     values.fold(f64::NEG_INFINITY, larger)
 }
 
+/// The mean of values with weights.
+fn mean(values: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let (sum, total) = values.fold((0.0, 0.0), |(s, t), (v, w)| (s + v * w, t + w));
+    sum / total
+}
+
 fn reduce(values: impl Iterator<Item = (f64, f64)>, statistic: Statistic) -> f64 {
+    // 1 above the limit, 0 below, not a number where the value is none
+    let is_above = |value: f64, limit: f64| match value.is_nan() {
+        true => value,
+        false => f64::from(u8::from(value > limit)),
+    };
     match statistic {
         Statistic::Max => largest(values.map(|(v, _)| v)),
         Statistic::Min => -largest(values.map(|(v, _)| -v)),
         Statistic::Sum => values.map(|(v, _)| v).sum(),
         Statistic::Integral => values.map(|(v, volume)| v * volume).sum(),
-        Statistic::Mean => {
-            let (sum, total) = values.fold((0.0, 0.0), |(s, t), (v, w)| (s + v * w, t + w));
-            sum / total
+        Statistic::Mean => mean(values),
+        Statistic::VolumeAbove(limit) => {
+            values.map(|(v, volume)| is_above(v, limit) * volume).sum()
+        }
+        Statistic::FractionAbove(limit) => {
+            mean(values.map(|(v, volume)| (is_above(v, limit), volume)))
         }
     }
 }
@@ -354,6 +392,9 @@ mod tests {
             (Statistic::Sum, 0.0),
             (Statistic::Mean, 0.0),
             (Statistic::Integral, 0.0),
+            // the value equal to the limit is not above it
+            (Statistic::VolumeAbove(1.0), 1.0),
+            (Statistic::FractionAbove(0.5), 2.0 / 3.0),
         ];
         for (statistic, value) in statistics {
             assert_eq!(reduce(values(1.0).into_iter(), statistic), value);

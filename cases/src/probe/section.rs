@@ -47,6 +47,19 @@ pub struct RegionProbe {
     pub name: Option<String>,
     /// Which number.
     pub statistic: Statistic,
+    /// Only the points where another field is above a value, such as `where = { field = "damage", above = 0.5 }`.
+    #[serde(default, rename = "where", skip_serializing_if = "Option::is_none")]
+    pub condition: Option<Above>,
+}
+
+/// A scalar field above a value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Above {
+    /// Scalar field, such as "damage".
+    pub field: String,
+    /// The value.
+    pub above: f64,
 }
 
 /// A number computed from many points. It is not a number if one of the values is not.
@@ -63,6 +76,10 @@ pub enum Statistic {
     Sum,
     /// Integral over the volume.
     Integral,
+    /// Volume in which the value is above this one: `statistic = { volume_above = 573 }`; m², m in two dimensions and in one.
+    VolumeAbove(f64),
+    /// Fraction of the volume in which the value is above this one.
+    FractionAbove(f64),
 }
 
 /// A line of positions.

@@ -103,6 +103,11 @@ impl ElasticPoints {
         true
     }
 
+    /// Takes a factor by which the stiffness rose, besides that of the moduli.
+    pub(super) fn note_stiffening(&mut self, factor: f64) {
+        self.stiffening *= factor;
+    }
+
     /// The largest factor by which moduli rose since the last call; one if none did.
     pub(super) fn take_stiffening(&mut self) -> f64 {
         std::mem::replace(&mut self.stiffening, 1.0)

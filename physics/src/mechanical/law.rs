@@ -236,23 +236,46 @@ impl<L: PointLaw> ElasticLaw for OfPoints<L> {
 
 /// Checks the constants of each material at the temperatures of their tables.
 fn check_constants<L: PointLaw>(law: &L, parts: &Parts<'_>) -> Result<(), SetupError> {
-    let mut values = vec![0.0; L::CONSTANTS.len()];
-    for (m, material) in parts.body.materials.iter().enumerate() {
+    visit_states(
+        parts.body,
+        &parts.constants,
+        L::CONSTANTS.len(),
+        |values, of| {
+            let checked = law.check(values, of);
+            checked.map_err(|e| e.below(&key_of(parts.name)))
+        },
+    )
+}
+
+/// Passes the constants of each material at the temperatures of their tables to `visit`, as many as there are, with a text that names
+/// the material, and the temperature if they depend on it.
+///
+/// # Errors
+/// The first one of `visit`.
+pub(super) fn visit_states(
+    body: &Body,
+    constants: &Constants,
+    count: usize,
+    mut visit: impl FnMut(&[f64], &str) -> Result<(), SetupError>,
+) -> Result<(), SetupError> {
+    let mut values = vec![0.0; count];
+    for (m, material) in body.materials.iter().enumerate() {
         let material = format!("material `{}`", material.name());
-        let tables = parts.constants.temperatures(m);
+        let mut tables = constants.temperatures(m);
+        tables.sort_by(f64::total_cmp);
+        tables.dedup();
         let temperatures = if tables.is_empty() {
             &[0.0]
         } else {
             &tables[..]
         };
         for &temperature in temperatures {
-            parts.constants.load(m, temperature, 0.0, &mut values);
+            constants.load(m, temperature, 0.0, &mut values);
             let of = match tables.is_empty() {
                 true => material.clone(),
                 false => format!("{material} at {temperature} K"),
             };
-            let checked = law.check(&values, &of);
-            checked.map_err(|e| e.below(&key_of(parts.name)))?;
+            visit(&values, &of)?;
         }
     }
     Ok(())

@@ -133,7 +133,7 @@ impl ConductingBonds {
         let rows = conductivity.in_plane();
         let has_increment = row > 0.0 && rows.iter().all(|[along, across]| along >= across);
         // the moments have a factor of one half
-        let by = |values| TensorBonds::of_any_sign(family, &(0.5 * turned(fibre, values)));
+        let by = |values| TensorBonds::new(family, &(0.5 * turned(fibre, values)));
         let excess = match has_increment {
             true => Some(Excess::Fibre {
                 increment: 1.0 / row,

@@ -4,8 +4,8 @@ use perimelt_core::{Formula, flattened, shared_keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::probe::Statistic;
 use crate::probe::interpolation::Interpolation;
+use crate::probe::{Above, Statistic};
 
 /// A measurement in the running simulation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -228,6 +228,9 @@ flattened! {
         pub region: Option<String>,
         /// Which number.
         pub statistic: Statistic,
+        /// Only the points where another field is above a value.
+        #[serde(default, rename = "where", skip_serializing_if = "Option::is_none")]
+        pub condition: Option<Above>,
         /// Added to the number.
         #[serde(default)]
         pub offset: f64,

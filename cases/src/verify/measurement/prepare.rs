@@ -159,6 +159,7 @@ fn onset(m: &OnsetMeasure, simulation: &Simulation) -> Result<Sampler, SetupErro
     let region = RegionProbe {
         name: m.region.clone(),
         statistic: Statistic::Max,
+        condition: None,
     };
     Ok(Sampler::Onset {
         largest: region_probe(&m.target.body, &m.target.field, None, region, simulation)?,
@@ -180,6 +181,7 @@ fn statistic(m: &StatisticMeasure, simulation: &Simulation) -> Result<Sampler, S
     let region = RegionProbe {
         name: m.region.clone(),
         statistic: m.statistic,
+        condition: m.condition.clone(),
     };
     Ok(Sampler::Statistic {
         probe: region_probe(

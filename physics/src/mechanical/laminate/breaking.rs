@@ -1,11 +1,12 @@
 //! Bonds of a laminate beyond their limits, which break.
 
-use perimelt_core::Bond;
+use perimelt_core::{Bond, SlotField};
 
 use super::Laminate;
 use super::failure::{BondSet, Failure};
-use super::force::displacements;
-use super::kernels::{BondLoad, Excess, InterfaceLoad, LOAD_INPUTS, Load, SHEAR_INPUTS};
+use super::kernels::{
+    BondLoad, Excess, InterfaceLoad, LIMITS, LOAD_INPUTS, Load, SHEAR_LOAD_INPUTS,
+};
 use crate::mechanical::exceeding::{Breakable, Exceeding};
 use crate::mechanical::fracture::NewBreaks;
 use crate::mechanical::specialise::specialise;
@@ -18,10 +19,12 @@ impl Laminate {
         };
         let mut found = Vec::new();
         for layer in 0..self.layers.len() {
-            let has_fibres = failure.fibres[layer].is_some();
-            let sets = [BondSet::Matrix(layer), BondSet::Fibres(layer)];
-            for set in &sets[..1 + usize::from(has_fibres)] {
-                self.find_in_layer(&failure, layer, failure.number(*set), &mut found);
+            let limits = &failure.limits;
+            let matrix = (BondSet::Matrix(layer), &limits.matrix[layer], None);
+            self.find_in_layer(&failure, layer, matrix, &mut found);
+            if let Some(along) = failure.fibres[layer].filter(|_| limits.can_break_fibres) {
+                let fibres = (BondSet::Fibres(layer), &limits.fibres[layer], Some(along));
+                self.find_in_layer(&failure, layer, fibres, &mut found);
             }
         }
         for interface in 0..self.interfaces.len() {
@@ -58,31 +61,29 @@ impl Laminate {
         }
     }
 
-    /// Bonds of a set of a layer beyond their limit.
+    /// Bonds of a set of a layer beyond their limits; those along a direction, if it is given.
     fn find_in_layer(
         &mut self,
         failure: &Failure,
         layer: usize,
-        set: usize,
+        (set, limits, along): (BondSet, &[SlotField; 2], Option<[f64; 2]>),
         found: &mut Vec<Exceeding>,
     ) {
-        let limits = failure.limits[set];
-        if limits.tension == f64::INFINITY && limits.compression == f64::INFINITY {
-            return;
-        }
         let own = self.layers[layer].inputs(true, &self.zeros);
-        let inputs: [&[f64]; LOAD_INPUTS] =
-            std::array::from_fn(|n| own.get(n).copied().unwrap_or(&failure.factors[layer]));
-        let breakable = failure.breakable(set, &self.plane);
+        let inputs: [&[f64]; LOAD_INPUTS] = std::array::from_fn(|n| match n.checked_sub(LIMITS) {
+            Some(side) => &limits[side][..],
+            None => own[n],
+        });
+        let breakable = failure.breakable(failure.number(set), &self.plane);
         let excess = &mut self.work.scalars;
         specialise!(FINITE = self.base.is_finite() =>
-            find_loaded(breakable, &Load::<FINITE>(limits), inputs, excess, found));
+            find_loaded(breakable, &Load::<FINITE> { along }, inputs, excess, found));
     }
 
     /// Bonds across an interface beyond their limit.
     fn find_open(&self, failure: &Failure, interface: usize, found: &mut Vec<Exceeding>) {
         let set = failure.number(BondSet::Opening(interface));
-        let limit = failure.limits[set].tension;
+        let limits = &failure.limits.opening[interface];
         let points = self.points_of_layer();
         let strained = self.strained();
         for point in (0..points).filter(|point| !failure.is_open(interface, *point)) {
@@ -92,8 +93,7 @@ impl Laminate {
                 both.map(|p| self.displacement[p]),
                 both.map(|p| self.strain[p][2]),
             );
-            let [lower, upper] = both.map(|p| failure.factor[p]);
-            let ratio = stretch / (limit * 0.5 * (lower + upper));
+            let ratio = stretch / limits[point];
             if ratio >= 1.0 {
                 found.push(Exceeding {
                     ratio,
@@ -107,25 +107,19 @@ impl Laminate {
 
     /// Pairs of crossing bonds of an interface beyond their limit.
     fn find_sliding(&mut self, failure: &Failure, interface: usize, found: &mut Vec<Exceeding>) {
-        let set = failure.number(BondSet::Sliding(interface));
-        let [lower, upper] = [interface, interface + 1];
-        let own = displacements(&self.layers[lower], &self.layers[upper]);
-        let inputs: [&[f64]; SHEAR_INPUTS] = std::array::from_fn(|n| match own.get(n) {
-            Some(displacement) => *displacement,
-            None => &failure.factors[interface + n - own.len()],
+        let [lower, upper] = [interface, interface + 1].map(|layer| &self.layers[layer]);
+        let of_stiffness = self.interfaces[interface].inputs(lower, upper);
+        let limits = &failure.limits.sliding[interface];
+        let inputs: [&[f64]; SHEAR_LOAD_INPUTS] = std::array::from_fn(|n| match n {
+            0..6 => of_stiffness[n],
+            _ => limits,
         });
         let crossing = self.interfaces[interface].crossing;
-        let limit = failure.limits[set].tension;
+        let set = failure.number(BondSet::Sliding(interface));
         let breakable = failure.breakable(set, &self.plane);
         let excess = &mut self.work.scalars;
         specialise!(FINITE = self.base.is_finite() =>
-        find_loaded(
-            breakable,
-            &InterfaceLoad::<FINITE> { crossing, limit },
-            inputs,
-            excess,
-            found,
-        ));
+            find_loaded(breakable, &InterfaceLoad::<FINITE>(crossing), inputs, excess, found));
     }
 }
 

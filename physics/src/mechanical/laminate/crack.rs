@@ -13,36 +13,59 @@
 
 use std::f64::consts::PI;
 
-use super::weights::{PlyBonds, PlyStiffness};
-use crate::plies::{CompleteFamily, CrossingBond, TensorBonds};
+use super::weights::{PARTS, PlyBonds, PlyStiffness, Reduced};
+use crate::plies::{CompleteFamily, CrossingBond};
 
 /// Openings of bonds that differ by less are the same.
 const ROUNDING: f64 = 1e-9;
 
-/// `K` of a ply with the dilatation stiffness a, Pa m: fracture energy over the square of the limit of the stretch.
-pub(super) fn energy_along_fibres(
-    family: &CompleteFamily,
-    bonds: &PlyBonds,
+/// `K` of a ply, Pa m: fracture energy over the square of the limit of the stretch. It is linear in what the bonds carry and in
+/// the dilatation stiffness.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CrackEnergy {
+    /// Over the parts of [`Reduced::of_bonds`], m.
+    bonds: [f64; PARTS],
+    /// Over the dilatation stiffness a, m.
     dilatation: f64,
-) -> f64 {
-    let [x, y] = bonds.fibre;
-    let mut crossing = family.crossing([-y, x]);
-    let breaks_at = |bond: &CrossingBond<'_>| bond.length / bond.cosine;
-    crossing.sort_by(|a, b| breaks_at(a).total_cmp(&breaks_at(b)));
-    let of_bond = |bond: &CrossingBond<'_>| {
-        0.5 * bond.length * bond.cosine * bond.moment * bonds.matrix(*bond.direction)
-    };
-    let mut energy: f64 = crossing.iter().map(of_bond).sum();
-    let mut rest = &crossing[..];
-    while let Some(first) = rest.first() {
-        let opening = breaks_at(first);
-        let together = |bond: &CrossingBond<'_>| breaks_at(bond) <= (1.0 + ROUNDING) * opening;
-        let after = &rest[rest.partition_point(together)..];
-        let fall = square_of_dilatation(rest) - square_of_dilatation(after);
-        energy += 2.0 * dilatation * opening * opening * fall;
-        rest = after;
+}
+
+impl CrackEnergy {
+    /// That of a crack along the fibres.
+    pub(super) fn new(family: &CompleteFamily, bonds: &PlyBonds) -> Self {
+        let [x, y] = bonds.fibre;
+        let mut crossing = family.crossing([-y, x]);
+        let breaks_at = |bond: &CrossingBond<'_>| bond.length / bond.cosine;
+        crossing.sort_by(|a, b| breaks_at(a).total_cmp(&breaks_at(b)));
+        let of_part = |part: usize| {
+            let mut parts = [0.0; PARTS];
+            parts[part] = 1.0;
+            let of_bond = |bond: &CrossingBond<'_>| {
+                0.5 * bond.length * bond.cosine * bond.moment * bonds.matrix(*bond.direction, parts)
+            };
+            crossing.iter().map(of_bond).sum()
+        };
+        let mut dilatation = 0.0;
+        let mut rest = &crossing[..];
+        while let Some(first) = rest.first() {
+            let opening = breaks_at(first);
+            let together = |bond: &CrossingBond<'_>| breaks_at(bond) <= (1.0 + ROUNDING) * opening;
+            let after = &rest[rest.partition_point(together)..];
+            let fall = square_of_dilatation(rest) - square_of_dilatation(after);
+            dilatation += 2.0 * opening * opening * fall;
+            rest = after;
+        }
+        CrackEnergy {
+            bonds: std::array::from_fn(of_part),
+            dilatation,
+        }
     }
-    energy
+
+    /// That of a ply, Pa m.
+    pub(super) fn of(&self, ply: &Reduced) -> f64 {
+        let parts = ply.of_bonds();
+        let of_bonds: f64 = (0..PARTS).map(|part| parts[part] * self.bonds[part]).sum();
+        of_bonds + self.dilatation * ply.dilatation()
+    }
 }
 
 /// Integral of the square of theta over the depth, per square of the opening, 1/m.
@@ -59,15 +82,9 @@ fn square_of_dilatation(bonds: &[CrossingBond<'_>]) -> f64 {
     integral
 }
 
-/// Limit of the shear angle of crossing bonds over the distance `d` (m) for a fracture energy (J/m²): each breaks by itself once its angle
-/// reaches the limit, `G = d/4 sum_j w |xi| g phi^2`.
-pub(super) fn shear_limit(
-    family: &CompleteFamily,
-    bonds: &TensorBonds,
-    distance: f64,
-    energy: f64,
-) -> f64 {
-    let sum = family.sum_of(|direction| bonds.of(direction));
+/// Limit of the shear angle of crossing bonds over the distance `d` (m) with the sum of their stiffness `w |xi| g` (Pa) for a fracture
+/// energy (J/m²): each breaks by itself once its angle reaches the limit, `G = d/4 sum_j w |xi| g phi^2`.
+pub(super) fn shear_limit(sum: f64, distance: f64, energy: f64) -> f64 {
     (4.0 * energy / (distance * sum)).sqrt()
 }
 

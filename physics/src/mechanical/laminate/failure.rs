@@ -4,18 +4,15 @@
 //! across, and pairs of crossing bonds. Every set has limits and broken bonds of its own.
 
 use perimelt_core::Family;
-use perimelt_core::SlotField;
 use perimelt_core::body::Layers;
-use perimelt_core::family::{BrokenBonds, Mirrored};
+use perimelt_core::family::BrokenBonds;
 
 use super::LayerSolid;
-use super::crack::{energy_along_fibres, opening_limit, published_energy, shear_limit};
 use super::interface::Interface;
-use super::kernels::StretchLimits;
-use super::law::PlyConstants;
+use super::limits::SetLimits;
 use super::strength::PlyStrength;
 use crate::mechanical::exceeding::{Breakable, Exceeding, broken_pairs};
-use crate::mechanical::fracture::{FractureState, Limits};
+use crate::mechanical::fracture::FractureState;
 use crate::mechanical::solid::FailureMode;
 use crate::plies::{CompleteFamily, is_along, plane_direction};
 
@@ -43,14 +40,9 @@ pub(super) struct Failure {
     layers: usize,
     /// Of a layer.
     points: usize,
-    /// By set; only the stretch in tension counts at openings, and the angle in its place at sliding.
-    pub(super) limits: Vec<StretchLimits>,
+    pub(super) limits: SetLimits,
     /// Unit vectors along the fibres that have bonds of their own, by layer.
     pub(super) fibres: Vec<Option<[f64; 2]>>,
-    /// Factor of the limits, infinite where bonds never break, by point of the body.
-    pub(super) factor: Vec<f64>,
-    /// The same by slot of the plane and layer.
-    pub(super) factors: Vec<SlotField>,
     /// Whether changes of the conjugate stress heat the body.
     pub(super) heats: bool,
     /// Whether bonds of a set broke.
@@ -69,69 +61,18 @@ pub(super) struct LaminateParts<'a> {
 }
 
 impl Failure {
-    pub(super) fn new(
-        parts: &LaminateParts<'_>,
-        constants: &PlyConstants,
-        strength: &PlyStrength,
-    ) -> Self {
+    /// Nothing is broken, and limits are not loaded.
+    pub(super) fn new(parts: &LaminateParts<'_>, strength: PlyStrength) -> Self {
         let LaminateParts {
             layers,
             plane,
-            complete,
             solids,
             interfaces,
+            ..
         } = *parts;
         let points = layers.points_of_layer();
-        let horizon = plane.spec().horizon.of(layers.plane().finest_spacing());
-        let limits = |tension: f64, compression: f64, along| StretchLimits {
-            tension,
-            compression,
-            along,
-        };
-        let never = f64::INFINITY;
-        let matrix = solids.iter().map(|layer| {
-            let energy = match strength.limits {
-                Limits::Discrete => energy_along_fibres(complete, &layer.bonds, layer.dilatation),
-                Limits::Published => published_energy(&constants.ply, horizon),
-            };
-            let stretch = match strength.critical_stretch.is_finite() {
-                true => strength.critical_stretch,
-                false => (strength.fracture_energy / energy).sqrt(),
-            };
-            limits(stretch, never, None)
-        });
+        let of_body = strength.unbreakable.len();
         let of_fibres = |layer: &LayerSolid| layer.bonds.has_fibres().then_some(layer.bonds.fibre);
-        let fibres: Vec<Option<[f64; 2]>> = solids.iter().map(of_fibres).collect();
-        let [tension, compression] = strength.fibres.map(|s| s / constants.ply.moduli[0]);
-        let opening = interfaces.iter().map(|interface| {
-            let distance = interface.crossing.distance;
-            let energy = strength.fracture_energy;
-            limits(
-                opening_limit(interface.modulus, distance, energy),
-                never,
-                None,
-            )
-        });
-        let sliding = interfaces.iter().map(|interface| {
-            let crossing = &interface.crossing;
-            let energy = strength.shear_fracture_energy;
-            let angle = shear_limit(complete, &crossing.bonds, crossing.distance, energy);
-            limits(angle, never, None)
-        });
-        let along = fibres
-            .iter()
-            .map(|fibre| limits(tension, compression, *fibre));
-        let limits: Vec<StretchLimits> =
-            matrix.chain(along).chain(opening).chain(sliding).collect();
-        let factor = strength.unbreakable.iter();
-        let factor: Vec<f64> = factor
-            .map(|&never| if never { f64::INFINITY } else { 1.0 })
-            .collect();
-        let factors = factor.chunks(points).map(|factor| {
-            let mut slots = SlotField::default();
-            slots.load(plane, factor, Mirrored::Scalar);
-            slots
-        });
         let in_layers = (0..2 * solids.len()).map(|_| plane.unbroken());
         let across = interfaces.iter().map(|_| BrokenBonds::none(points, 1));
         let sheared = interfaces.iter().map(|_| plane.unbroken());
@@ -140,16 +81,14 @@ impl Failure {
             has_broken: vec![false; broken.len()],
             state: FractureState {
                 broken,
-                frozen: vec![[0.0; 6]; factor.len()],
+                frozen: vec![[0.0; 6]; of_body],
             },
             heats: strength.heats,
             layers: solids.len(),
             points,
-            limits,
-            fibres,
-            factors: factors.collect(),
-            damage: std::array::from_fn(|_| vec![0.0; factor.len()]),
-            factor,
+            fibres: solids.iter().map(of_fibres).collect(),
+            damage: std::array::from_fn(|_| vec![0.0; of_body]),
+            limits: SetLimits::new(parts, strength),
         }
     }
 
@@ -218,7 +157,7 @@ impl Failure {
         for (has_broken, broken) in self.has_broken.iter_mut().zip(&self.state.broken) {
             *has_broken = broken.total() > 0;
         }
-        for point in 0..self.factor.len() {
+        for point in 0..self.state.frozen.len() {
             self.load_damage(plane, point);
         }
         before

@@ -5,11 +5,12 @@ use perimelt_core::Body;
 use perimelt_core::body::Stations;
 
 use super::tests::{
-    CONSTANTS, SPACING, displaced, energy, force, laminate_that_breaks, noise, plate,
+    ALONG, SPACING, constants_of, displaced, energy, force, laminate_that_breaks, noise, plate,
 };
 use super::*;
 use crate::mechanical::fracture::Limits;
 use crate::mechanical::solid::{PointStates, Solid, StressFreeStrain, StressKind, Wanted};
+use crate::testing::material;
 
 /// J/m², of opening and sliding.
 const ENERGIES: [f64; 2] = [2370.0, 7110.0];
@@ -18,16 +19,31 @@ fn brittle(body: &Body, finite: bool, strength: &PlyStrength) -> Laminate {
     laminate_that_breaks(body, finite, Some(strength.clone()))
 }
 
-fn strength(body: &Body) -> PlyStrength {
+/// The strength of a body with the keys of its material.
+pub(super) fn strength_of(body: &Body, keys: &str) -> PlyStrength {
+    let mut body = body.clone();
+    body.materials = vec![material(keys)];
     PlyStrength {
-        fracture_energy: ENERGIES[0],
-        shear_fracture_energy: ENERGIES[1],
-        critical_stretch: f64::INFINITY,
-        fibres: [f64::INFINITY; 2],
+        constants: constants_of(&body, strength::CONSTANTS),
         unbreakable: vec![false; body.points.len()],
         limits: Limits::Discrete,
         heats: true,
     }
+}
+
+/// Keys of fracture energies of opening and sliding, J/m².
+fn energies([opening, sliding]: [f64; 2]) -> String {
+    format!("fracture_energy = {opening:e}\nshear_fracture_energy = {sliding:e}\n")
+}
+
+fn strength(body: &Body) -> PlyStrength {
+    strength_of(body, &energies(ENERGIES))
+}
+
+/// A strength at which bonds of all modes break by small displacements.
+fn weak(body: &Body) -> PlyStrength {
+    let fibres = "tensile_strength_1 = 1e8\ncompressive_strength_1 = 1e8";
+    strength_of(body, &(energies([1.0; 2]) + fibres))
 }
 
 /// Energy that bonds lose by breaking while the displacement `of` grows up to a factor, J. Bonds break right at their limits.
@@ -155,12 +171,12 @@ fn fibres_break_at_their_strength_in_tension_and_compression() {
     for (angle, along) in [(0.0, 0), (90.0, 1)] {
         for (sign, strain) in [(1.0, 2e-3), (-1.0, 1e-3)] {
             let body = plate(&[angle], &[1e-3], Stations::Two, 8);
-            let strong = PlyStrength {
-                // the matrix holds
-                fracture_energy: 1e9,
-                fibres: [2e-3, 1e-3].map(|strain| strain * CONSTANTS.ply.moduli[0]),
-                ..strength(&body)
-            };
+            let [tension, compression] = [2e-3, 1e-3].map(|strain| strain * ALONG);
+            let fibres = format!(
+                "tensile_strength_1 = {tension:e}\ncompressive_strength_1 = {compression:e}"
+            );
+            // the matrix holds
+            let strong = strength_of(&body, &(energies([1e9, ENERGIES[1]]) + &fibres));
             for (factor, broken) in [(0.99, false), (1.01, true)] {
                 let mut laminate = brittle(&body, false, &strong);
                 let displacement = displaced(&body, |x, y, _| {
@@ -186,13 +202,7 @@ fn fibres_break_at_their_strength_in_tension_and_compression() {
 
 /// A laminate of which about a tenth of all bonds broke, in all modes.
 fn damaged(body: &Body, finite: bool) -> Laminate {
-    let weak = PlyStrength {
-        fracture_energy: 1.0,
-        shear_fracture_energy: 1.0,
-        fibres: [1e8; 2],
-        ..strength(body)
-    };
-    let mut laminate = brittle(body, finite, &weak);
+    let mut laminate = brittle(body, finite, &weak(body));
     let mut damage = vec![0.0; body.points.len()];
     let mut size = 1e-9;
     let shape = noise(3 * body.points.len());
@@ -259,11 +269,8 @@ fn points_that_must_not_fail_keep_their_bonds() {
     let middle = 4.0 * SPACING;
     let kept: Vec<bool> = body.points.position.iter().map(|x| x.x < middle).collect();
     let weak = PlyStrength {
-        fracture_energy: 1.0,
-        shear_fracture_energy: 1.0,
-        fibres: [1e8; 2],
         unbreakable: kept.clone(),
-        ..strength(&body)
+        ..weak(&body)
     };
     let mut laminate = brittle(&body, false, &weak);
     let displacement: Vec<f64> = (noise(3 * body.points.len()).iter())
@@ -332,13 +339,7 @@ fn the_conjugate_stress_is_the_derivative_of_the_energy_by_the_free_strain() {
 fn breaking_bonds_do_not_change_the_conjugate_stress() {
     let body = plate(&[0.0, 90.0], &[1e-3; 2], Stations::Two, 8);
     for finite in [false, true] {
-        let weak = PlyStrength {
-            fracture_energy: 1.0,
-            shear_fracture_energy: 1.0,
-            fibres: [1e8; 2],
-            ..strength(&body)
-        };
-        let mut laminate = brittle(&body, finite, &weak);
+        let mut laminate = brittle(&body, finite, &weak(&body));
         let state: Vec<f64> = (noise(3 * body.points.len()).iter())
             .map(|u| 1e-4 * u)
             .collect();

@@ -8,7 +8,7 @@ use super::failure::Failure;
 use super::interface::Interface;
 use super::kernels::{
     Dilatation, INPUTS, InterfaceEnergy, InterfaceForce, PRESSURE, PlyEnergy, PlyForce, PlyStress,
-    STRAIN, across,
+    SHEAR_INPUTS, STRAIN, across,
 };
 use super::weights::PlyBonds;
 use super::{Laminate, LayerSolid, Work};
@@ -98,6 +98,19 @@ pub(super) fn sum_parts<const O: usize, K: BondKernel<INPUTS, O>>(
 }
 
 impl Interface {
+    /// The inputs of the kernels, with the displacements of both layers.
+    pub(super) fn inputs<'a>(
+        &'a self,
+        lower: &'a LayerSolid,
+        upper: &'a LayerSolid,
+    ) -> [&'a [f64]; SHEAR_INPUTS] {
+        std::array::from_fn(|n| match n {
+            0..3 => &lower.slots[n][..],
+            3..6 => &upper.slots[n - 3],
+            _ => &self.slots[n - 6],
+        })
+    }
+
     /// Stretch across the plies between two points without its stress-free part, and the direction of their bond.
     pub(super) fn across(
         &self,
@@ -120,11 +133,6 @@ pub(super) fn broken_in(failure: Option<&Failure>, layer: usize) -> Option<[&Bro
     failure.and_then(|failure| failure.of_layer(layer))
 }
 
-/// Displacements of two layers, as inputs of their interface.
-pub(super) fn displacements<'a>(lower: &'a LayerSolid, upper: &'a LayerSolid) -> [&'a [f64]; 6] {
-    std::array::from_fn(|n| &[lower, upper][n / 3].slots[n % 3][..])
-}
-
 impl Laminate {
     /// Loads the pressure of the dilatation in all layers, and passes the dilatation of each point to `receive`.
     pub(super) fn load_pressure(
@@ -134,7 +142,7 @@ impl Laminate {
     ) {
         let points = self.points_of_layer();
         for (number, layer) in self.layers.iter_mut().enumerate() {
-            if layer.dilatation == 0.0 {
+            if !layer.has_dilatation {
                 continue;
             }
             let (plane, theta) = (&self.plane, &mut self.work.scalars);
@@ -142,11 +150,11 @@ impl Laminate {
             let broken = broken_in(self.failure.as_ref(), number).map(|[matrix, _]| matrix);
             specialise!(FINITE = strained.finite =>
                 plane.sum_unbroken(&Dilatation::<FINITE>, inputs, broken, theta));
-            let a = layer.dilatation;
+            let a = &layer.dilatation;
             for (point, [theta]) in theta.iter().enumerate() {
-                receive(number * points + point, *theta, a);
+                receive(number * points + point, *theta, a[point]);
             }
-            let pressure = |point: usize| 2.0 * a * theta[point][0];
+            let pressure = |point: usize| 2.0 * a[point] * theta[point][0];
             layer.slots[PRESSURE].load(plane, pressure, Mirrored::Scalar);
         }
     }
@@ -161,8 +169,8 @@ impl Laminate {
             let broken = broken_in(self.failure.as_ref(), number);
             let parts = layer.parts(strained.elastic, &self.zeros, broken);
             let (plane, added) = (&self.plane, &mut self.work.added);
-            specialise!(FINITE = strained.finite =>
-                sum_parts(plane, &parts, PlyForce::<FINITE>, out, added));
+            specialise!(FINITE = strained.finite, BY_POINT = !self.plies.is_uniform =>
+                sum_parts(plane, &parts, PlyForce::<FINITE, BY_POINT>, out, added));
         }
         for number in 0..self.interfaces.len() {
             self.sum_interface(number, strained);
@@ -183,12 +191,17 @@ impl Laminate {
     pub(super) fn sum_interface(&mut self, number: usize, strained: Strained) {
         let points = self.points_of_layer();
         let interface = &self.interfaces[number];
-        let inputs = displacements(&self.layers[number], &self.layers[number + 1]);
+        let inputs = interface.inputs(&self.layers[number], &self.layers[number + 1]);
         let (crossing, sums) = (interface.crossing, &mut self.work.pairs);
         let failure = self.failure.as_ref();
         let broken = failure.map(|failure| failure.of_interface(number));
-        specialise!(FINITE = strained.finite =>
-            self.plane.sum_unbroken(&InterfaceForce::<FINITE>(crossing), inputs, broken, sums));
+        specialise!(FINITE = strained.finite, BY_POINT = !self.plies.is_uniform =>
+        self.plane.sum_unbroken(
+            &InterfaceForce::<FINITE, BY_POINT>(crossing),
+            inputs,
+            broken,
+            sums,
+        ));
         let (displacement, strain) = (&self.displacement, &self.strain);
         let each = sums.par_iter_mut().enumerate().with_min_len(4096);
         each.for_each(|(point, force)| {
@@ -200,7 +213,7 @@ impl Laminate {
             let (stretch, direction) =
                 interface.across(strained, both.map(|p| displacement[p]), free);
             for axis in 0..3 {
-                let pull = interface.modulus * stretch * direction[axis];
+                let pull = interface.modulus[point] * stretch * direction[axis];
                 force[axis] += pull;
                 force[3 + axis] -= pull;
             }
@@ -251,7 +264,7 @@ impl Laminate {
                 let both = [number * points + point, (number + 1) * points + point];
                 let displacement = both.map(|p| self.displacement[p]);
                 let (stretch, _) = interface.across(strained, displacement, [0.0; 2]);
-                let stress = interface.modulus * interface.crossing.distance * stretch;
+                let stress = interface.modulus[point] * interface.crossing.distance * stretch;
                 for (side, point) in both.into_iter().enumerate() {
                     let thickness = self.layers[number + side].thickness;
                     self.base.tensors[point][2] += stress * interface.fractions[side] / thickness;
@@ -310,7 +323,7 @@ impl Laminate {
             both.for_each(|(energy, [sum])| energy[0] += *sum);
         }
         for (number, interface) in self.interfaces.iter().enumerate() {
-            let inputs = displacements(&self.layers[number], &self.layers[number + 1]);
+            let inputs = interface.inputs(&self.layers[number], &self.layers[number + 1]);
             let (crossing, sums) = (interface.crossing, &mut self.work.scalars);
             let failure = self.failure.as_ref();
             let broken = failure.map(|failure| failure.of_interface(number));
@@ -325,7 +338,7 @@ impl Laminate {
                 );
                 let of_opening = match failure.is_some_and(|f| f.is_open(number, point)) {
                     true => 0.0,
-                    false => 0.5 * interface.modulus * crossing.distance * stretch * stretch,
+                    false => 0.5 * interface.modulus[point] * crossing.distance * stretch * stretch,
                 };
                 for (layer, point) in [number, number + 1].into_iter().zip(both) {
                     energy[point][0] += 0.5 * (sum + of_opening) / self.layers[layer].thickness;
@@ -361,11 +374,17 @@ impl Laminate {
                 };
                 let receive = |point: usize, force| receive(number * points + point, force);
                 specialise!(FINITE = strained.finite =>
-                    family.sum_across(&PlyForce::<FINITE>(bonds), inputs, broken, plane, receive));
+                family.sum_across(
+                    &PlyForce::<FINITE, true>(bonds),
+                    inputs,
+                    broken,
+                    plane,
+                    receive,
+                ));
             }
         }
         for (number, interface) in self.interfaces.iter().enumerate() {
-            let inputs = displacements(&self.layers[number], &self.layers[number + 1]);
+            let inputs = interface.inputs(&self.layers[number], &self.layers[number + 1]);
             let crossing = interface.crossing;
             let thickness = [number, number + 1].map(|layer| self.layers[layer].thickness);
             let receive = |point: usize, [x, y, z, a, b, c]: [f64; 6]| {
@@ -376,7 +395,13 @@ impl Laminate {
             let failure = self.failure.as_ref();
             let broken = failure.map(|failure| failure.of_interface(number));
             specialise!(FINITE = strained.finite =>
-                family.sum_across(&InterfaceForce::<FINITE>(crossing), inputs, broken, plane, receive));
+            family.sum_across(
+                &InterfaceForce::<FINITE, true>(crossing),
+                inputs,
+                broken,
+                plane,
+                receive,
+            ));
         }
     }
 

@@ -1,9 +1,14 @@
 //! Stiffness of single points of a laminate: for the stable step, and to precondition equilibrium.
 
+use perimelt_core::Bond;
+
 use super::Laminate;
+use super::constants::PlyState;
 use super::force::{broken_in, sum_parts};
-use super::kernels::{InterfaceBlock, PlyBlock};
+use super::kernels::{InterfaceBlock, MODULI, PlyBlock, of_fibre, stiffness};
+use super::weights::{PARTS, PlyBonds};
 use crate::mechanical::classical::symmetric;
+use crate::plies::plane_direction;
 
 /// Stiffness of the points beside an interface, per area.
 struct BesideInterface {
@@ -13,22 +18,62 @@ struct BesideInterface {
     row: f64,
 }
 
+/// Constants by which bonds are stiff.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum At {
+    /// At the present temperature of each point.
+    Present,
+    /// For each bond, those of all materials and temperatures with which it is stiffest.
+    Stiffest,
+}
+
 impl Laminate {
-    /// Stiffness beside each interface.
-    fn beside_interfaces(&self) -> impl Iterator<Item = Vec<BesideInterface>> {
+    /// Stiffness beside each interface. One between plies in two states is no stiffer than the mean of those in either.
+    fn beside_interfaces(&self, at: At) -> impl Iterator<Item = Vec<BesideInterface>> {
         self.interfaces
             .iter()
             .enumerate()
-            .map(|(number, interface)| {
+            .map(move |(number, interface)| {
+                let crossing = &interface.crossing;
                 let failure = self.failure.as_ref();
                 let broken = failure.map(|failure| failure.of_interface(number));
                 let mut sums = vec![[0.0; 6]; self.points_of_layer()];
-                let kernel = InterfaceBlock(interface.crossing);
-                self.plane.sum_unbroken(&kernel, [], broken, &mut sums);
+                let inputs = interface.inputs(&self.layers[number], &self.layers[number + 1]);
+                let states = self.plies.states.iter().map(|state| &state.constants);
+                let moduli: Vec<[f64; MODULI]> = states
+                    .clone()
+                    .map(|c| interface.moduli_of([c; 2]))
+                    .collect();
+                let modulus = states.map(|c| c.modulus_across).fold(0.0, f64::max);
+                let distance = crossing.distance;
+                match at {
+                    At::Present => {
+                        let kernel = InterfaceBlock {
+                            distance,
+                            moment: |bond: &Bond, own: &_, other: &_| {
+                                crossing.moment::<true>(bond, own, other)
+                            },
+                        };
+                        self.plane.sum_unbroken(&kernel, inputs, broken, &mut sums);
+                    }
+                    At::Stiffest => {
+                        let moment = |bond: &Bond, _: &_, _: &_| {
+                            let n = plane_direction(bond);
+                            let stiffness = moduli.iter().map(|m| crossing.stiffness(n, *m));
+                            bond.mean() * bond.length * stiffness.fold(0.0, f64::max)
+                        };
+                        let kernel = InterfaceBlock { distance, moment };
+                        self.plane.sum_unbroken(&kernel, inputs, broken, &mut sums);
+                    }
+                }
                 let of_point = |(point, [x, y, z, a, b, c]): (usize, &[f64; 6])| {
+                    let modulus = match at {
+                        At::Present => interface.modulus[point],
+                        At::Stiffest => modulus,
+                    };
                     let opening = match failure.is_some_and(|f| f.is_open(number, point)) {
                         true => 0.0,
-                        false => interface.modulus / interface.crossing.distance,
+                        false => modulus / distance,
                     };
                     BesideInterface {
                         own: [*x, *y, z + opening],
@@ -40,12 +85,38 @@ impl Laminate {
     }
 
     /// Diagonal blocks of the stiffness of each point in its plane (xx, yy, xy), and the sum of `w / |xi|` of each.
-    fn plane_blocks(&self) -> impl Iterator<Item = Vec<[f64; 4]>> {
-        self.layers.iter().enumerate().map(|(number, layer)| {
+    fn plane_blocks(&self, at: At) -> impl Iterator<Item = Vec<[f64; 4]>> {
+        let states = self.plies.states.iter();
+        let parts: Vec<[f64; PARTS]> = states
+            .map(|state| state.constants.ply.reduced().of_bonds())
+            .collect();
+        self.layers.iter().enumerate().map(move |(number, layer)| {
             let mut sums = vec![[0.0; 4]; self.points_of_layer()];
             let broken = broken_in(self.failure.as_ref(), number);
-            let parts = layer.parts(true, &self.zeros, broken);
-            sum_parts(&self.plane, &parts, PlyBlock, &mut sums, &mut Vec::new());
+            let of_layer = layer.parts(true, &self.zeros, broken);
+            let added = &mut Vec::new();
+            match at {
+                At::Present => {
+                    let kernel = |bonds: PlyBonds| {
+                        PlyBlock(move |bond: &Bond, own: &_, other: &_| {
+                            stiffness::<true>(&bonds, bond, own, other)
+                        })
+                    };
+                    sum_parts(&self.plane, &of_layer, kernel, &mut sums, added);
+                }
+                At::Stiffest => {
+                    let parts = &parts;
+                    let kernel = |bonds: PlyBonds| {
+                        PlyBlock(move |bond: &Bond, own: &_, other: &_| {
+                            let n = plane_direction(bond);
+                            let matrix = parts.iter().map(|parts| bonds.matrix(n, *parts));
+                            let matrix = matrix.fold(0.0, f64::max);
+                            bond.mean() * (matrix + of_fibre(&bonds, bond, own, other))
+                        })
+                    };
+                    sum_parts(&self.plane, &of_layer, kernel, &mut sums, added);
+                }
+            }
             sums
         })
     }
@@ -53,11 +124,11 @@ impl Laminate {
     /// Evaluates the diagonal blocks; those of the dilatation are left out.
     pub(super) fn load_blocks(&mut self) {
         let points = self.points_of_layer();
-        let in_plane = self.plane_blocks().flatten();
+        let in_plane = self.plane_blocks(At::Present).flatten();
         let mut blocks: Vec<[f64; 6]> = in_plane
             .map(|[xx, yy, xy, _]| [xx, yy, 0.0, xy, 0.0, 0.0])
             .collect();
-        for (number, beside) in self.beside_interfaces().enumerate() {
+        for (number, beside) in self.beside_interfaces(At::Present).enumerate() {
             for (point, beside) in beside.iter().enumerate() {
                 for layer in [number, number + 1] {
                     let block = &mut blocks[layer * points + point];
@@ -69,13 +140,24 @@ impl Laminate {
         self.blocks = blocks;
     }
 
-    /// A bound of the squares of the eigenfrequencies: the sum of bounds of the layers and of the interfaces. That of a layer is
-    /// twice the largest eigenvalue of a diagonal block, as for a network of springs, and the springs of the dilatation
+    /// A bound of the squares of the eigenfrequencies at any temperature: the sum of bounds of the layers and of the interfaces. That of a
+    /// layer is twice the largest eigenvalue of a diagonal block, as for a network of springs, and the springs of the dilatation
     /// (`ordinary`); that of interfaces the largest sum of a row.
-    pub(super) fn largest_square(&self, density: &[f64]) -> f64 {
+    pub(super) fn largest_square(&mut self, density: &[f64]) -> f64 {
         let points = self.points_of_layer();
+        let reduced = |state: &PlyState| state.constants.ply.reduced();
+        let largest_of = |value: &dyn Fn(&PlyState) -> f64| {
+            let states = self.plies.states.iter();
+            states.map(value).fold(0.0, f64::max)
+        };
+        let dilatation = 4.0 * largest_of(&|state| reduced(state).dilatation());
+        for layer in &mut self.layers {
+            let bonds = layer.bonds;
+            let increment = largest_of(&|state| bonds.increment(reduced(state).of_bonds()));
+            layer.load_fibres(&self.plane, |_| increment);
+        }
         let mut rows = vec![0.0; density.len()];
-        for (number, beside) in self.beside_interfaces().enumerate() {
+        for (number, beside) in self.beside_interfaces(At::Stiffest).enumerate() {
             for (point, beside) in beside.iter().enumerate() {
                 for layer in [number, number + 1] {
                     rows[layer * points + point] += beside.row / self.layers[layer].thickness;
@@ -83,15 +165,16 @@ impl Laminate {
             }
         }
         let mut largest = 0.0_f64;
-        for (number, (blocks, layer)) in self.plane_blocks().zip(&self.layers).enumerate() {
+        for (number, blocks) in self.plane_blocks(At::Stiffest).enumerate() {
             for (point, [xx, yy, xy, weights]) in blocks.iter().enumerate() {
                 let point = number * points + point;
-                let dilatation = 4.0 * layer.dilatation.max(0.0) * weights;
+                let dilatation = dilatation * weights;
                 let block = symmetric(&[xx + dilatation, yy + dilatation, 0.0, *xy, 0.0, 0.0]);
                 let in_plane = 2.0 * block.symmetric_eigenvalues().max();
                 largest = largest.max((in_plane + rows[point]) / density[point]);
             }
         }
+        self.load_constants();
         largest
     }
 }

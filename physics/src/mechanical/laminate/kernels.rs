@@ -1,29 +1,31 @@
 //! Forces of the bonds of a ply and of the pairs of bonds that cross each other between two layers.
 //!
 //! ```text
-//! ply:        t = [mean(w) C(n)] (s - e) + w p + w' p',   p = 2 a theta,   theta = sum_j w |xi| (s - e)
+//! ply:        t = mean(w) mean(C(n)) (s - e) + w p + w' p',   p = 2 a theta,   theta = sum_j w |xi| (s - e)
 //! interface:  phi = L^2 (s_1 - s_2) / (2 d |xi|),   W = 1/4 sum_j w |xi| g(n) phi^2 d    per area
 //! ```
 //!
 //! The two bonds of an interface run from the point k in the lower layer to j in the upper one and from j in the lower to k
-//! in the upper one; d is the distance of the layers, xi the projection of the bonds on the plane, L their length. In linear
+//! in the upper one; C, g and e are means of both ends, so that forces are opposite at them and the derivative of one energy. d is the distance of the layers, xi the projection of the bonds on the plane, L their length. In linear
 //! kinematics `phi = n . (D_k + D_j) / (2 d) + (w_j - w_k) / |xi|` with D the displacement of the upper layer relative to the
 //! lower one and w the mean of both along z: the shear angle along n of \[Gao2020\], chapter 4, whose length in the denominator is
 //! L instead of |xi|.
 
 use perimelt_core::{Bond, BondKernel};
 
-use super::weights::PlyBonds;
+use super::weights::{PARTS, PlyBonds};
 use crate::plies::{TensorBonds, is_along, plane_direction};
 
 /// Inputs of the kernels of a ply; the first three are the displacement, m.
-pub(super) const INPUTS: usize = 8;
+pub(super) const INPUTS: usize = MATRIX + PARTS;
 /// Components xx, yy and xy of the stress-free strain.
 pub(super) const STRAIN: usize = 3;
 /// 2 a theta, Pa.
 pub(super) const PRESSURE: usize = 6;
-/// Factor that calibrates the bonds along the fibres.
+/// Stiffness that fibres add to the bonds along them, calibrated, Pa.
 pub(super) const FIBRE: usize = 7;
+/// Parts of the stiffness of all bonds, Pa.
+pub(super) const MATRIX: usize = 8;
 
 type Inputs = [f64; INPUTS];
 
@@ -71,17 +73,35 @@ fn stretched<const FINITE: bool>(xi: [f64; 3], reference: Length, relative: [f64
     }
 }
 
-/// Stiffness of a bond with its mean weight, Pa/m.
+/// Stiffness of a bond with its mean weight, Pa/m, by the parts of both ends or by those that are the same everywhere.
 #[inline(always)]
-fn stiffness(law: &PlyBonds, bond: &Bond, own: &Inputs, other: &Inputs) -> f64 {
+pub(super) fn stiffness<const BY_POINT: bool>(
+    law: &PlyBonds,
+    bond: &Bond,
+    own: &Inputs,
+    other: &Inputs,
+) -> f64 {
+    let parts = match BY_POINT {
+        true => std::array::from_fn(|part| 0.5 * (own[MATRIX + part] + other[MATRIX + part])),
+        false => law.uniform,
+    };
     let n = plane_direction(bond);
-    let calibrated = 0.5 * (own[FIBRE] + other[FIBRE]);
-    bond.mean() * (law.matrix(n) + calibrated * law.along_fibre(n))
+    bond.mean() * (law.matrix(n, parts) + of_fibre(law, bond, own, other))
+}
+
+/// What the fibres add to the stiffness of a bond, Pa.
+#[inline(always)]
+pub(super) fn of_fibre(law: &PlyBonds, bond: &Bond, own: &Inputs, other: &Inputs) -> f64 {
+    law.along_fibre(plane_direction(bond)) * (0.5 * (own[FIBRE] + other[FIBRE]))
 }
 
 /// Stretch without the mean of the stress-free strains of both ends.
 #[inline(always)]
-fn elastic<const FINITE: bool>(bond: &Bond, own: &Inputs, other: &Inputs) -> Stretched {
+fn elastic<const FINITE: bool, const I: usize>(
+    bond: &Bond,
+    own: &[f64; I],
+    other: &[f64; I],
+) -> Stretched {
     let relative = std::array::from_fn(|a| other[a] - own[a]);
     let length = Length {
         length: bond.length,
@@ -89,7 +109,7 @@ fn elastic<const FINITE: bool>(bond: &Bond, own: &Inputs, other: &Inputs) -> Str
     };
     let stretched = stretched::<FINITE>([bond.xi[0], bond.xi[1], 0.0], length, relative);
     let [x, y] = plane_direction(bond);
-    let free = |ends: &Inputs| {
+    let free = |ends: &[f64; I]| {
         let [xx, yy, xy] = [ends[STRAIN], ends[STRAIN + 1], ends[STRAIN + 2]];
         xx * x * x + yy * y * y + 2.0 * xy * x * y
     };
@@ -99,12 +119,10 @@ fn elastic<const FINITE: bool>(bond: &Bond, own: &Inputs, other: &Inputs) -> Str
     }
 }
 
-/// Force density along a bond, N/m³.
+/// Force density along a bond with a stiffness (Pa/m) and a stretch, N/m³.
 #[inline(always)]
-fn tension(law: &PlyBonds, bond: &Bond, own: &Inputs, other: &Inputs, stretch: f64) -> f64 {
-    stiffness(law, bond, own, other) * stretch
-        + bond.weight * own[PRESSURE]
-        + bond.dual * other[PRESSURE]
+fn tension(bond: &Bond, own: &Inputs, other: &Inputs, [stiffness, stretch]: [f64; 2]) -> f64 {
+    stiffness * stretch + bond.weight * own[PRESSURE] + bond.dual * other[PRESSURE]
 }
 
 /// Dilatation theta.
@@ -121,21 +139,24 @@ impl<const FINITE: bool> BondKernel<INPUTS, 1> for Dilatation<FINITE> {
 
     #[inline(always)]
     fn ends(&self, bond: &Bond, own: Inputs, other: Inputs) -> [[f64; 1]; 2] {
-        let extension = bond.length * elastic::<FINITE>(bond, &own, &other).stretch;
+        let extension = bond.length * elastic::<FINITE, _>(bond, &own, &other).stretch;
         [[bond.weight * extension], [bond.dual * extension]]
     }
 }
 
 /// Force density, N/m³.
-pub(super) struct PlyForce<const FINITE: bool>(pub(super) PlyBonds);
+pub(super) struct PlyForce<const FINITE: bool, const BY_POINT: bool>(pub(super) PlyBonds);
 
-impl<const FINITE: bool> BondKernel<INPUTS, 3> for PlyForce<FINITE> {
+impl<const FINITE: bool, const BY_POINT: bool> BondKernel<INPUTS, 3>
+    for PlyForce<FINITE, BY_POINT>
+{
     const PAIRED: usize = 3;
 
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: Inputs, other: Inputs) -> [f64; 3] {
-        let Stretched { stretch, direction } = elastic::<FINITE>(bond, &own, &other);
-        let tension = tension(&self.0, bond, &own, &other, stretch);
+        let Stretched { stretch, direction } = elastic::<FINITE, _>(bond, &own, &other);
+        let stiffness = stiffness::<BY_POINT>(&self.0, bond, &own, &other);
+        let tension = tension(bond, &own, &other, [stiffness, stretch]);
         direction.map(|n| tension * n)
     }
 }
@@ -148,27 +169,24 @@ pub(super) struct PlyStress<const FINITE: bool> {
 }
 
 impl<const FINITE: bool> BondKernel<INPUTS, 3> for PlyStress<FINITE> {
-    const RARE: bool = true;
+    const PAIRED: usize = 3;
 
+    #[inline(always)]
     fn bond(&self, bond: &Bond, own: Inputs, other: Inputs) -> [f64; 3] {
-        let Stretched { stretch, direction } = elastic::<FINITE>(bond, &own, &other);
-        let half = 0.5 * bond.length * tension(&self.bonds, bond, &own, &other, stretch);
+        let Stretched { stretch, direction } = elastic::<FINITE, _>(bond, &own, &other);
+        let stiffness = stiffness::<true>(&self.bonds, bond, &own, &other);
+        let half = 0.5 * bond.length * tension(bond, &own, &other, [stiffness, stretch]);
         let [x, y] = match self.is_conjugate {
             true => plane_direction(bond),
             false => [direction[0], direction[1]],
         };
         [half * x * x, half * y * y, half * x * y]
     }
-}
 
-/// Limits of the elastic stretch of bonds.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct StretchLimits {
-    pub(super) tension: f64,
-    /// Positive; infinite where bonds do not break in compression.
-    pub(super) compression: f64,
-    /// Unit vector along the bonds that break, if not all do.
-    pub(super) along: Option<[f64; 2]>,
+    #[inline(always)]
+    fn ends(&self, bond: &Bond, own: Inputs, other: Inputs) -> [[f64; 3]; 2] {
+        [self.bond(bond, own, other); 2]
+    }
 }
 
 /// Load of bonds over their limits.
@@ -194,27 +212,27 @@ impl<const I: usize, L: BondLoad<I>> BondKernel<I, 1> for Excess<'_, L> {
     }
 }
 
-/// Inputs of [`Load`]: those of a ply, and a factor of the limits, which is infinite where bonds never break.
-pub(super) const LOAD_INPUTS: usize = INPUTS + 1;
+/// Inputs of [`Load`]: displacement and stress-free strain, and the limits of the stretch.
+pub(super) const LOAD_INPUTS: usize = LIMITS + 2;
+/// Limits in tension and in compression, both positive, infinite where bonds never break.
+pub(super) const LIMITS: usize = PRESSURE;
 
-/// Stretch of the bonds of a ply over its limits.
-pub(super) struct Load<const FINITE: bool>(pub(super) StretchLimits);
+/// Stretch of the bonds of a ply over the means of the limits of both ends.
+pub(super) struct Load<const FINITE: bool> {
+    /// Unit vector along the bonds that break, if not all do.
+    pub(super) along: Option<[f64; 2]>,
+}
 
 impl<const FINITE: bool> BondLoad<LOAD_INPUTS> for Load<FINITE> {
     #[inline(always)]
     fn ratio(&self, bond: &Bond, own: &[f64; LOAD_INPUTS], other: &[f64; LOAD_INPUTS]) -> f64 {
-        let StretchLimits {
-            tension,
-            compression,
-            along,
-        } = self.0;
-        if along.is_some_and(|fibre| !is_along(fibre, plane_direction(bond))) {
+        let is_across = |fibre| !is_along(fibre, plane_direction(bond));
+        if self.along.is_some_and(is_across) {
             return 0.0;
         }
-        let [first, second] = [own, other].map(|end| std::array::from_fn(|n| end[n]));
-        let stretch = elastic::<FINITE>(bond, &first, &second).stretch;
-        let factor = 0.5 * (own[INPUTS] + other[INPUTS]);
-        (stretch / tension).max(-stretch / compression) / factor
+        let stretch = elastic::<FINITE, _>(bond, own, other).stretch;
+        let [tension, compression] = [0, 1].map(|n| 0.5 * (own[LIMITS + n] + other[LIMITS + n]));
+        (stretch / tension).max(-stretch / compression)
     }
 }
 
@@ -226,8 +244,9 @@ impl<const FINITE: bool> BondKernel<INPUTS, 1> for PlyEnergy<FINITE> {
 
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: Inputs, other: Inputs) -> [f64; 1] {
-        let stretch = elastic::<FINITE>(bond, &own, &other).stretch;
-        [0.25 * stiffness(&self.0, bond, &own, &other) * bond.length * stretch * stretch]
+        let stretch = elastic::<FINITE, _>(bond, &own, &other).stretch;
+        let stiffness = stiffness::<true>(&self.0, bond, &own, &other);
+        [0.25 * stiffness * bond.length * stretch * stretch]
     }
 
     #[inline(always)]
@@ -248,15 +267,15 @@ impl BondKernel<INPUTS, 6> for PlaneGradient {
     }
 }
 
-/// Diagonal block of the stiffness in the plane, xx, yy, xy, N/m⁵, and the sum of `w / |xi|`, 1/m².
-pub(super) struct PlyBlock(pub(super) PlyBonds);
+/// Diagonal block of the stiffness in the plane, xx, yy, xy, N/m⁵, and the sum of `w / |xi|`, 1/m², by the stiffness of a bond (Pa/m).
+pub(super) struct PlyBlock<F>(pub(super) F);
 
-impl BondKernel<INPUTS, 4> for PlyBlock {
+impl<F: Fn(&Bond, &Inputs, &Inputs) -> f64 + Sync> BondKernel<INPUTS, 4> for PlyBlock<F> {
     const RARE: bool = true;
 
     fn bond(&self, bond: &Bond, own: Inputs, other: Inputs) -> [f64; 4] {
         let [x, y] = plane_direction(bond);
-        let spring = stiffness(&self.0, bond, &own, &other) * bond.inverse_length;
+        let spring = (self.0)(bond, &own, &other) * bond.inverse_length;
         let of_dilatation = bond.mean() * bond.inverse_length;
         [
             spring * x * x,
@@ -267,10 +286,20 @@ impl BondKernel<INPUTS, 4> for PlyBlock {
     }
 }
 
+/// Components xx, yy and xy of the shear moduli of an interface.
+pub(super) const MODULI: usize = 3;
+/// Inputs of the kernels of an interface: displacements of the lower and the upper layer, m, and shear moduli, Pa.
+pub(super) const SHEAR_INPUTS: usize = 6 + MODULI;
+
+type ShearInputs = [f64; SHEAR_INPUTS];
+
 /// The bonds between two layers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Crossing {
-    pub(super) bonds: TensorBonds,
+    /// Over each of the shear moduli.
+    pub(super) bonds: [TensorBonds; MODULI],
+    /// The shear moduli where they are the same at all points at any temperature, Pa.
+    pub(super) uniform: [f64; MODULI],
     /// Distance of the layers, m.
     pub(super) distance: f64,
 }
@@ -282,17 +311,39 @@ struct CrossingPair {
     /// Shear angle.
     angle: f64,
     length: f64,
-    /// `w |xi| g`, Pa.
-    moment: f64,
 }
 
 impl Crossing {
+    /// Stiffness g of a bond whose projection runs along a unit vector, Pa.
     #[inline(always)]
-    fn pair<const FINITE: bool>(
+    pub(super) fn stiffness(&self, direction: [f64; 2], moduli: [f64; MODULI]) -> f64 {
+        let parts = self.bonds.iter().zip(moduli);
+        parts.fold(0.0, |sum, (bonds, modulus)| {
+            sum + modulus * bonds.of(direction)
+        })
+    }
+
+    /// `w |xi| g`, Pa, by the moduli of both ends or by those that are the same everywhere.
+    #[inline(always)]
+    pub(super) fn moment<const BY_POINT: bool>(
         &self,
         bond: &Bond,
-        own: &[f64; 6],
-        other: &[f64; 6],
+        own: &ShearInputs,
+        other: &ShearInputs,
+    ) -> f64 {
+        let moduli = match BY_POINT {
+            true => std::array::from_fn(|c| 0.5 * (own[6 + c] + other[6 + c])),
+            false => self.uniform,
+        };
+        bond.mean() * (bond.length * self.stiffness(plane_direction(bond), moduli))
+    }
+
+    #[inline(always)]
+    fn pair<const FINITE: bool, const I: usize>(
+        &self,
+        bond: &Bond,
+        own: &[f64; I],
+        other: &[f64; I],
     ) -> CrossingPair {
         let (d, [x, y, _]) = (self.distance, bond.xi);
         let length = (bond.length * bond.length + d * d).sqrt();
@@ -311,27 +362,29 @@ impl Crossing {
             down,
             angle,
             length,
-            moment: bond.mean() * (bond.length * self.bonds.of(plane_direction(bond))),
         }
     }
 }
 
-/// Forces on the point in the lower and in the upper layer per area, Pa. Inputs are their displacements, m.
-pub(super) struct InterfaceForce<const FINITE: bool>(pub(super) Crossing);
+/// Forces on the point in the lower and in the upper layer per area, Pa.
+pub(super) struct InterfaceForce<const FINITE: bool, const BY_POINT: bool>(pub(super) Crossing);
 
-impl<const FINITE: bool> BondKernel<6, 6> for InterfaceForce<FINITE> {
+impl<const FINITE: bool, const BY_POINT: bool> BondKernel<SHEAR_INPUTS, 6>
+    for InterfaceForce<FINITE, BY_POINT>
+{
     const PAIRED: usize = 6;
 
     #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; 6], other: [f64; 6]) -> [f64; 6] {
+    fn bond(&self, bond: &Bond, own: ShearInputs, other: ShearInputs) -> [f64; 6] {
         let [here, _] = self.ends(bond, own, other);
         here
     }
 
     #[inline(always)]
-    fn ends(&self, bond: &Bond, own: [f64; 6], other: [f64; 6]) -> [[f64; 6]; 2] {
-        let pair = self.0.pair::<FINITE>(bond, &own, &other);
-        let size = 0.5 * pair.length * bond.inverse_length * (pair.moment * pair.angle);
+    fn ends(&self, bond: &Bond, own: ShearInputs, other: ShearInputs) -> [[f64; 6]; 2] {
+        let pair = self.0.pair::<FINITE, _>(bond, &own, &other);
+        let moment = self.0.moment::<BY_POINT>(bond, &own, &other);
+        let size = 0.5 * pair.length * bond.inverse_length * (moment * pair.angle);
         let [up, down] = [pair.up, pair.down].map(|bond| bond.direction.map(|n| size * n));
         let ([ux, uy, uz], [dx, dy, dz]) = (up, down);
         // from the other end the bond down is that up, and the angle is opposite
@@ -339,53 +392,59 @@ impl<const FINITE: bool> BondKernel<6, 6> for InterfaceForce<FINITE> {
     }
 }
 
-/// Inputs of [`InterfaceLoad`]: displacements of two layers, and their factors of the limits.
-pub(super) const SHEAR_INPUTS: usize = 8;
+/// Inputs of [`InterfaceLoad`]: displacements of two layers, and the limit of the angle, infinite where bonds never break.
+pub(super) const SHEAR_LOAD_INPUTS: usize = 7;
 
-/// Angle of pairs of crossing bonds over its limit.
-pub(super) struct InterfaceLoad<const FINITE: bool> {
-    pub(super) crossing: Crossing,
-    pub(super) limit: f64,
-}
+/// Angle of pairs of crossing bonds over the mean of the limits of both ends.
+pub(super) struct InterfaceLoad<const FINITE: bool>(pub(super) Crossing);
 
-impl<const FINITE: bool> BondLoad<SHEAR_INPUTS> for InterfaceLoad<FINITE> {
+impl<const FINITE: bool> BondLoad<SHEAR_LOAD_INPUTS> for InterfaceLoad<FINITE> {
     #[inline(always)]
-    fn ratio(&self, bond: &Bond, own: &[f64; SHEAR_INPUTS], other: &[f64; SHEAR_INPUTS]) -> f64 {
-        let [first, second] = [own, other].map(|end| std::array::from_fn(|n| end[n]));
-        let angle = self.crossing.pair::<FINITE>(bond, &first, &second).angle;
-        let factor = 0.25 * (own[6] + own[7] + other[6] + other[7]);
-        angle.abs() / (self.limit * factor)
+    fn ratio(
+        &self,
+        bond: &Bond,
+        own: &[f64; SHEAR_LOAD_INPUTS],
+        other: &[f64; SHEAR_LOAD_INPUTS],
+    ) -> f64 {
+        let angle = self.0.pair::<FINITE, _>(bond, own, other).angle;
+        angle.abs() / (0.5 * (own[6] + other[6]))
     }
 }
 
 /// Energy per area, J/m².
 pub(super) struct InterfaceEnergy<const FINITE: bool>(pub(super) Crossing);
 
-impl<const FINITE: bool> BondKernel<6, 1> for InterfaceEnergy<FINITE> {
+impl<const FINITE: bool> BondKernel<SHEAR_INPUTS, 1> for InterfaceEnergy<FINITE> {
     const PAIRED: usize = 1;
 
     #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; 6], other: [f64; 6]) -> [f64; 1] {
-        let pair = self.0.pair::<FINITE>(bond, &own, &other);
-        [0.25 * self.0.distance * pair.moment * pair.angle * pair.angle]
+    fn bond(&self, bond: &Bond, own: ShearInputs, other: ShearInputs) -> [f64; 1] {
+        let pair = self.0.pair::<FINITE, _>(bond, &own, &other);
+        let moment = self.0.moment::<true>(bond, &own, &other);
+        [0.25 * self.0.distance * moment * pair.angle * pair.angle]
     }
 
     #[inline(always)]
-    fn ends(&self, bond: &Bond, own: [f64; 6], other: [f64; 6]) -> [[f64; 1]; 2] {
+    fn ends(&self, bond: &Bond, own: ShearInputs, other: ShearInputs) -> [[f64; 1]; 2] {
         [self.bond(bond, own, other); 2]
     }
 }
 
 /// Diagonal of the stiffness of a point against displacements along x, y and z, per area, N/m³, and a bound of the sums of the
-/// absolute values in the three rows.
-pub(super) struct InterfaceBlock(pub(super) Crossing);
+/// absolute values in the three rows, over the distance of the layers (m) by the moment `w |xi| g` of a bond (Pa).
+pub(super) struct InterfaceBlock<F> {
+    pub(super) distance: f64,
+    pub(super) moment: F,
+}
 
-impl BondKernel<0, 6> for InterfaceBlock {
+impl<F: Fn(&Bond, &ShearInputs, &ShearInputs) -> f64 + Sync> BondKernel<SHEAR_INPUTS, 6>
+    for InterfaceBlock<F>
+{
     const RARE: bool = true;
 
-    fn bond(&self, bond: &Bond, _: [f64; 0], _: [f64; 0]) -> [f64; 6] {
-        let d = self.0.distance;
-        let moment = bond.mean() * bond.length * self.0.bonds.of(plane_direction(bond));
+    fn bond(&self, bond: &Bond, own: ShearInputs, other: ShearInputs) -> [f64; 6] {
+        let d = self.distance;
+        let moment = (self.moment)(bond, &own, &other);
         let scale = 0.5 * bond.inverse_length / d;
         let angle = [bond.xi[0].abs(), bond.xi[1].abs(), d].map(|x| x * scale);
         let all = 4.0 * angle.iter().sum::<f64>();

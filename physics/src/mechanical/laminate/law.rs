@@ -7,9 +7,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Laminate;
-use super::weights::PlyStiffness;
+use super::constants::PlyPoints;
 use crate::mechanical::keys::Formulation;
-use crate::mechanical::law::{ElasticLaw, Parts, common_constants};
+use crate::mechanical::law::{ElasticLaw, Parts};
 use crate::mechanical::solid::Solid;
 
 register_property!(
@@ -61,16 +61,6 @@ register_property!(
 #[serde(deny_unknown_fields)]
 pub struct Lamina {}
 
-/// Constants of a ply.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PlyConstants {
-    pub(super) ply: PlyStiffness,
-    /// Shear moduli between the thickness and the directions along and across the fibres, Pa.
-    pub(super) shear_across: [f64; 2],
-    /// Young's modulus through the thickness, Pa.
-    pub(super) modulus_across: f64,
-}
-
 /// Laminates.
 #[derive(Debug, Serialize)]
 #[serde(transparent)]
@@ -82,7 +72,8 @@ impl From<Lamina> for OfPlies {
     }
 }
 
-const CONSTANTS: &[Constant] = &[
+/// In the order of [`PlyConstants`](super::constants::PlyConstants).
+pub(super) const CONSTANTS: &[Constant] = &[
     Constant::required("youngs_modulus_1"),
     Constant::required("youngs_modulus_2"),
     Constant::required("poissons_ratio_12"),
@@ -103,7 +94,7 @@ impl OfPlies {
         others: &[
             (
                 "tangent",
-                "constant; differences of forces in finite kinematics",
+                "constant at a temperature; differences of forces in finite kinematics",
             ),
             ("bodies", "those with a `layup`"),
             ("formulations", "bond"),
@@ -134,11 +125,11 @@ impl ElasticLaw for OfPlies {
     }
 
     fn solid(self: Box<Self>, parts: Parts<'_>) -> Result<Box<dyn Solid>, SetupError> {
-        let constants = PlyConstants::of(&parts)?;
         let Parts {
             body,
             family,
             constitution,
+            constants,
             ..
         } = parts;
         let Some(layers) = body.layers() else {
@@ -153,7 +144,8 @@ impl ElasticLaw for OfPlies {
                 "two stations (`layup.stations`) or two plies or more, or `solver.explicit`";
             return Err(SetupError::value("solver", message, expected));
         }
-        let laminate = Laminate::new(body, layers, family, constitution, &constants)?;
+        let plies = PlyPoints::new(body, constants)?;
+        let laminate = Laminate::new(body, layers, family, constitution, plies)?;
         Ok(Box::new(laminate))
     }
 }
@@ -163,34 +155,6 @@ pub(in crate::mechanical) fn no_layup(body: &Body) -> SetupError {
     let message = format!("body `{}` has no plies", body.name);
     let expected = "a body with a `layup`, or another law";
     SetupError::value("law.lamina", message, expected)
-}
-
-impl PlyConstants {
-    fn of(parts: &Parts<'_>) -> Result<Self, SetupError> {
-        let values = common_constants(parts, CONSTANTS)?;
-        let [e1, e2, nu12, g12, g13, g23, e3] = values[..] else {
-            unreachable!("as many values as constants");
-        };
-        let ply = PlyStiffness {
-            moduli: [e1, e2],
-            poissons_ratio: nu12,
-            shear: g12,
-        };
-        if !ply.is_positive() {
-            let most = (e1 / e2).sqrt();
-            let message = format!(
-                "`poissons_ratio_12` = {nu12} of a ply with `youngs_modulus_1` = {e1} and `youngs_modulus_2` = {e2}: some \
-                 strains would release energy"
-            );
-            let expected = format!("a value between -{most:.4} and {most:.4}");
-            return Err(SetupError::value("law.lamina", message, expected));
-        }
-        Ok(PlyConstants {
-            ply,
-            shear_across: [g13, g23],
-            modulus_across: e3,
-        })
-    }
 }
 
 crate::register_elastic_law!("lamina", Lamina, crate::mechanical::laminate::OfPlies);

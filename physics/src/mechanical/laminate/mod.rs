@@ -9,6 +9,7 @@
 //! have a correction of their own, as the rows of fibres end elsewhere than the family does.
 
 mod breaking;
+mod constants;
 mod crack;
 mod failure;
 #[cfg(test)]
@@ -18,8 +19,11 @@ mod frequency;
 mod interface;
 mod kernels;
 mod law;
+mod limits;
 mod solid;
 mod strength;
+#[cfg(test)]
+mod temperature_tests;
 #[cfg(test)]
 mod tests;
 mod weights;
@@ -34,31 +38,62 @@ use perimelt_core::{Body, Family, SetupError, SlotField, text};
 use super::base::{Properties, SolidBase};
 use super::solid::Constitution;
 use crate::plies::{CompleteFamily, fibre_factors, uncut};
+use constants::{PlyConstants, PlyPoints, PlyState};
 use failure::{Failure, LaminateParts};
 use interface::Interface;
-use kernels::INPUTS;
-use law::PlyConstants;
+use kernels::{FIBRE, INPUTS, MATRIX};
 pub(super) use law::no_layup;
 pub use law::{Lamina, OfPlies};
+use limits::LoadedParts;
 pub use strength::PlyStrength;
-use weights::{NoBonds, PlyBonds};
+use weights::{NoBonds, PARTS, PlyBonds};
 
 /// A layer of points.
 #[derive(Debug)]
 struct LayerSolid {
     bonds: PlyBonds,
-    /// `a` of the dilatation, Pa.
-    dilatation: f64,
+    /// `a` of the dilatation by point of the plane, Pa.
+    dilatation: Vec<f64>,
+    /// Whether one of them is not zero.
+    has_dilatation: bool,
     /// m.
     thickness: f64,
+    /// Factors that calibrate the bonds along the fibres, by point of the plane; empty where they are one.
+    fibre_factors: Vec<f64>,
     /// Inputs of the kernels by slot of the plane.
     slots: [SlotField; INPUTS],
+}
+
+impl LayerSolid {
+    /// Takes the constants of the points.
+    fn load(&mut self, plane: &Family, constants: &[PlyConstants]) {
+        for (own, constants) in self.dilatation.iter_mut().zip(constants) {
+            *own = constants.ply.reduced().dilatation();
+        }
+        self.has_dilatation |= self.dilatation.iter().any(|a| *a != 0.0);
+        let parts = |point: usize| constants[point].ply.reduced().of_bonds();
+        for part in 0..PARTS {
+            let of_point = |point: usize| parts(point)[part];
+            self.slots[MATRIX + part].load(plane, of_point, Mirrored::Scalar);
+        }
+        let bonds = self.bonds;
+        self.load_fibres(plane, |point| bonds.increment(parts(point)));
+    }
+
+    /// Takes what the fibres of each point add to the stiffness of the bonds along them, Pa.
+    fn load_fibres(&mut self, plane: &Family, increment: impl Fn(usize) -> f64 + Sync) {
+        let factors = &self.fibre_factors;
+        let calibrated =
+            |point: usize| factors.get(point).copied().unwrap_or(1.0) * increment(point);
+        self.slots[FIBRE].load(plane, calibrated, Mirrored::Scalar);
+    }
 }
 
 /// The solid of a laminate.
 #[derive(Debug)]
 pub struct Laminate {
     base: SolidBase,
+    plies: PlyPoints,
     /// The family of each layer.
     plane: Arc<Family>,
     layers: Vec<LayerSolid>,
@@ -101,8 +136,8 @@ impl Work {
     }
 }
 
-/// What is wrong with a ply whose bonds have no positive stiffness.
-fn refusal(layers: &Layers, layer: &Layer, reason: NoBonds) -> SetupError {
+/// What is wrong with a ply in a state whose bonds have no positive stiffness.
+fn refusal(layers: &Layers, layer: &Layer, state: &PlyState, reason: NoBonds) -> SetupError {
     let angle = text::number(layers.plies()[layer.ply].angle.to_degrees(), 5);
     match reason {
         NoBonds::TooFew => SetupError::value(
@@ -119,7 +154,8 @@ fn refusal(layers: &Layers, layer: &Layer, reason: NoBonds) -> SetupError {
                 false => ", and no bond of the lattice runs along its fibres",
             };
             let message = format!(
-                "a ply at {angle} degrees would have bonds of negative stiffness at {bond:.1} degrees from its fibres{why}"
+                "a ply at {angle} degrees of {} would have bonds of negative stiffness at {bond:.1} degrees from its fibres{why}",
+                state.name
             );
             SetupError::value(
                 "law.lamina",
@@ -128,6 +164,42 @@ fn refusal(layers: &Layers, layer: &Layer, reason: NoBonds) -> SetupError {
             )
         }
     }
+}
+
+/// The layers without the constants of their points.
+///
+/// # Errors
+/// A ply whose bonds have no positive stiffness.
+fn solids(
+    layers: &Layers,
+    plane: &Arc<Family>,
+    complete: &CompleteFamily,
+    plies: &PlyPoints,
+) -> Result<Vec<LayerSolid>, SetupError> {
+    let uncut = uncut(layers.plane(), plane).map_err(|e| SetupError::new("horizon", e))?;
+    let solid_of = |layer: &Layer| {
+        let (sin, cos) = layers.plies()[layer.ply].angle.sin_cos();
+        let first = &plies.states[0];
+        let bonds = PlyBonds::new(complete, [cos, sin]);
+        let mut bonds = bonds.map_err(|reason| refusal(layers, layer, first, reason))?;
+        for state in &plies.states {
+            let checked = bonds.check(complete, state.constants.ply.reduced().of_bonds());
+            checked.map_err(|reason| refusal(layers, layer, state, reason))?;
+        }
+        bonds.uniform = first.constants.ply.reduced().of_bonds();
+        Ok(LayerSolid {
+            dilatation: vec![0.0; layers.points_of_layer()],
+            has_dilatation: false,
+            thickness: layer.thickness,
+            fibre_factors: match bonds.has_fibres() {
+                true => fibre_factors(&uncut, complete, bonds.fibre),
+                false => Vec::new(),
+            },
+            slots: std::array::from_fn(|_| SlotField::zeros(plane)),
+            bonds,
+        })
+    };
+    layers.layers().iter().map(solid_of).collect()
 }
 
 impl Laminate {
@@ -139,40 +211,19 @@ impl Laminate {
         body: &Body,
         layers: &Layers,
         plane: Arc<Family>,
-        constitution: Constitution,
-        constants: &PlyConstants,
+        mut constitution: Constitution,
+        plies: PlyPoints,
     ) -> Result<Self, SetupError> {
         let spacing = body.finest_spacing();
         let complete = CompleteFamily::new(spacing, plane.spec());
         let complete = complete.map_err(|e| SetupError::new("horizon", e))?;
-        let reduced = constants.ply.reduced();
-        let uncut = uncut(layers.plane(), &plane).map_err(|e| SetupError::new("horizon", e))?;
-        let solid_of = |layer: &Layer| {
-            let (sin, cos) = layers.plies()[layer.ply].angle.sin_cos();
-            let bonds = PlyBonds::new(&complete, [cos, sin], &reduced);
-            let bonds = bonds.map_err(|reason| refusal(layers, layer, reason))?;
-            let mut slots: [SlotField; INPUTS] = std::array::from_fn(|_| SlotField::zeros(&plane));
-            let factors = match bonds.has_fibres() {
-                true => fibre_factors(&uncut, &complete, bonds.fibre),
-                false => Vec::new(),
-            };
-            let factors = |point: usize| factors.get(point).copied().unwrap_or(1.0);
-            slots[kernels::FIBRE].load(&plane, factors, Mirrored::Scalar);
-            Ok(LayerSolid {
-                bonds,
-                dilatation: reduced.dilatation(),
-                thickness: layer.thickness,
-                slots,
-            })
-        };
-        let solids: Result<Vec<LayerSolid>, SetupError> =
-            layers.layers().iter().map(solid_of).collect();
+        let solids = solids(layers, &plane, &complete, &plies)?;
         let pairs = layers.layers().windows(2);
         let interfaces: Result<Vec<Interface>, SetupError> = pairs
-            .map(|pair| Interface::new(layers, [&pair[0], &pair[1]], &complete, constants))
+            .map(|pair| Interface::new(layers, [&pair[0], &pair[1]], &complete, &plies))
             .collect();
-        let (solids, interfaces) = (solids?, interfaces?);
-        let failure = constitution.failure.as_ref().map(|strength| {
+        let interfaces = interfaces?;
+        let failure = constitution.failure.take().map(|strength| {
             let parts = LaminateParts {
                 layers,
                 plane: &plane,
@@ -180,7 +231,7 @@ impl Laminate {
                 solids: &solids,
                 interfaces: &interfaces,
             };
-            Failure::new(&parts, constants, strength)
+            Failure::new(&parts, strength)
         });
         let properties = Properties {
             bonds_shear: true,
@@ -192,8 +243,9 @@ impl Laminate {
         let horizon = plane.spec().horizon.of(spacing);
         base.horizons.fill(horizon);
         let points = body.points.len();
-        Ok(Laminate {
+        let mut laminate = Laminate {
             base,
+            plies,
             layers: solids,
             interfaces,
             failure,
@@ -205,7 +257,36 @@ impl Laminate {
             blocks: Vec::new(),
             gradients: vec![Matrix3::zeros(); points],
             plane,
-        })
+        };
+        laminate.load_constants();
+        laminate.load_limits(body, None);
+        Ok(laminate)
+    }
+
+    /// Passes the constants of the points to the bonds.
+    fn load_constants(&mut self) {
+        let points = self.points_of_layer();
+        let by_point = &self.plies.by_point;
+        for (layer, constants) in self.layers.iter_mut().zip(by_point.chunks(points)) {
+            layer.load(&self.plane, constants);
+        }
+        for (number, interface) in self.interfaces.iter_mut().enumerate() {
+            let of_layer = |layer: usize| &by_point[layer * points..][..points];
+            interface.load(&self.plane, [number, number + 1].map(of_layer));
+        }
+        self.blocks.clear();
+    }
+
+    /// Evaluates the limits of the bonds at the temperature of each point, K.
+    fn load_limits(&mut self, body: &Body, temperature: Option<&[f64]>) {
+        if let Some(failure) = &mut self.failure {
+            let parts = LoadedParts {
+                plane: &self.plane,
+                constants: &self.plies.by_point,
+                interfaces: &self.interfaces,
+            };
+            failure.limits.load(&parts, body, temperature);
+        }
     }
 
     /// Number of points of a layer.

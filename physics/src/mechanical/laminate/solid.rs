@@ -1,6 +1,7 @@
 //! What the solvers ask of a laminate.
 
 use nalgebra::Matrix3;
+use perimelt_core::Body;
 use perimelt_core::family::{AxisPlane, LayerRule, Mirrored};
 use rayon::prelude::*;
 
@@ -12,7 +13,8 @@ use crate::mechanical::base::SolidBase;
 use crate::mechanical::deformation::Deformation;
 use crate::mechanical::fracture::{FractureState, NewBreaks};
 use crate::mechanical::solid::{
-    EnergyKind, Evaluated, FailureMode, PointStates, Solid, Stiffness, StressKind, Wanted,
+    EnergyKind, Evaluated, FailureMode, PointModuli, PointStates, Solid, Stiffness, StressKind,
+    Wanted,
 };
 
 impl Laminate {
@@ -20,6 +22,19 @@ impl Laminate {
         Strained {
             finite: self.base.is_finite(),
             elastic: true,
+        }
+    }
+
+    /// Evaluates constants and limits at the temperature of each point, K.
+    fn set_temperature(&mut self, body: &Body, temperature: Option<&[f64]>) {
+        let rise = self.plies.set(body, temperature);
+        if let Some(rise) = rise {
+            self.base.elastic.note_stiffening(rise);
+            self.load_constants();
+        }
+        let varies = |failure: &Failure| !failure.limits.has_constant_strength();
+        if rise.is_some() || self.failure.as_ref().is_some_and(varies) {
+            self.load_limits(body, temperature);
         }
     }
 
@@ -80,6 +95,10 @@ impl Solid for Laminate {
         );
         if let Some(moduli) = moduli {
             self.base.set_moduli(moduli);
+        }
+        // the bound of the frequency is one of all states
+        if let Some(PointModuli::At(body, temperature)) = moduli {
+            self.set_temperature(body, temperature);
         }
         let changed = eigenstrain.is_some_and(|e| self.base.elastic.set_eigenstrain(e));
         let turned = stress_free.is_some_and(|e| self.base.elastic.set_stress_free(e));

@@ -29,14 +29,7 @@ register_property!(
 /// Strength of plies, and points whose bonds never break.
 #[derive(Clone, Debug)]
 pub struct PlyStrength {
-    /// Of cracks along the fibres and of interfaces that open, J/m².
-    pub(super) fracture_energy: f64,
-    /// Of interfaces that slide, J/m².
-    pub(super) shear_fracture_energy: f64,
-    /// Of bonds of the matrix; infinite where it follows from the fracture energy.
-    pub(super) critical_stretch: f64,
-    /// Of fibres under tension and compression, Pa; infinite where they do not break.
-    pub(super) fibres: [f64; 2],
+    pub(super) constants: Constants,
     pub(super) limits: Limits,
     /// By point.
     pub(super) unbreakable: Vec<bool>,
@@ -44,7 +37,18 @@ pub struct PlyStrength {
     pub(super) heats: bool,
 }
 
-const CONSTANTS: &[Constant] = &[
+/// Strength of a ply.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Strength {
+    /// Fracture energies of what opens, cracks along the fibres and interfaces, and of interfaces that slide, J/m².
+    pub(super) energies: [f64; 2],
+    /// Of bonds of the matrix; infinite where it follows from the fracture energy.
+    pub(super) critical_stretch: f64,
+    /// Of fibres under tension and compression, Pa; infinite where they do not break.
+    pub(super) fibres: [f64; 2],
+}
+
+pub(super) const CONSTANTS: &[Constant] = &[
     Constant::required("fracture_energy"),
     Constant::required("shear_fracture_energy"),
     Constant::or("critical_stretch", f64::INFINITY),
@@ -53,10 +57,10 @@ const CONSTANTS: &[Constant] = &[
 ];
 
 impl PlyStrength {
-    /// Takes the strengths of the material of a body with plies.
+    /// Takes the strengths of the materials of a body with plies.
     ///
     /// # Errors
-    /// A material without fracture energies or with strengths that depend on the temperature, keys of other solids, an unknown region.
+    /// A material without fracture energies, keys of other solids, an unknown region.
     pub(in crate::mechanical) fn of(
         section: &FractureSection,
         setup: &Setup<'_>,
@@ -76,26 +80,30 @@ impl PlyStrength {
             let expected = "`fracture_energy` and `shear_fracture_energy` of the material";
             return Err(SetupError::value("fracture.interface", message, expected));
         }
-        let this = setup.body(body);
-        let constants = Constants::of(this, "fracture", "fracture", CONSTANTS)?;
-        let values = constants.common().map_err(|constant| {
-            let property = CONSTANTS[constant].property;
-            let message = format!("`{property}` is not one number for body `{}`", this.name);
-            let expected = "the same number at all temperatures for all plies";
-            SetupError::value("fracture", message, expected)
-        })?;
-        let [opening, sliding, stretch, tension, compression] = values[..] else {
-            unreachable!("as many values as constants");
-        };
         Ok(PlyStrength {
-            fracture_energy: opening,
-            shear_fracture_energy: sliding,
-            critical_stretch: stretch,
-            fibres: [tension, compression],
+            constants: Constants::of(setup.body(body), "fracture", "fracture", CONSTANTS)?,
             limits: section.limits,
             unbreakable: section.unbreakable(setup, body)?,
             heats: setup.is_declared(body, &keys::CONJUGATE_STRESS, Access::Read)
                 || setup.is_declared(body, &keys::CONJUGATE_STRESS_TENSOR, Access::Read),
         })
+    }
+
+    /// Whether it is the same at all temperatures.
+    pub(super) fn is_constant(&self) -> bool {
+        !self.constants.depend_on_temperature()
+    }
+
+    /// That of a material at a temperature, K.
+    pub(super) fn at(&self, material: u16, temperature: f64) -> Strength {
+        let mut values = [0.0; CONSTANTS.len()];
+        self.constants
+            .load(usize::from(material), temperature, 0.0, &mut values);
+        let [opening, sliding, critical_stretch, tension, compression] = values;
+        Strength {
+            energies: [opening, sliding],
+            critical_stretch,
+            fibres: [tension, compression],
+        }
     }
 }

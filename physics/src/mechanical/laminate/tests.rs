@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use perimelt_core::body::{Layup, Stations};
+use perimelt_core::law::{Constant, Constants};
 use perimelt_core::material::Property;
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::{Body, Correction, Family, FamilySpec, Horizon};
@@ -11,17 +12,21 @@ use super::*;
 use crate::mechanical::moduli::Elasticity;
 use crate::mechanical::solid::PointStates;
 use crate::mechanical::solid::{EnergyKind, Solid, Stiffness, StressFreeStrain, Wanted};
+use crate::testing::material;
 
 /// Graphite/epoxy of [Gao2020], chapter 4.
-pub(super) const CONSTANTS: PlyConstants = PlyConstants {
-    ply: PlyStiffness {
-        moduli: [181e9, 10.3e9],
-        poissons_ratio: 0.28,
-        shear: 7.17e9,
-    },
-    shear_across: [2e9, 1.3e9],
-    modulus_across: 3.4e9,
-};
+pub(super) const GRAPHITE: &str = "
+youngs_modulus_1 = 181e9
+youngs_modulus_2 = 10.3e9
+poissons_ratio_12 = 0.28
+shear_modulus_12 = 7.17e9
+shear_modulus_13 = 2e9
+shear_modulus_23 = 1.3e9
+youngs_modulus_3 = 3.4e9
+";
+
+/// Young's modulus of [`GRAPHITE`] along the fibres, Pa.
+pub(super) const ALONG: f64 = 181e9;
 
 pub(super) const SPACING: f64 = 1e-3;
 
@@ -37,7 +42,9 @@ pub(super) fn plate(angles: &[f64], thickness: &[f64], stations: Stations, side:
         ply_thickness: thickness.to_vec(),
         stations,
     };
-    Body::stack("plate", &shape, SPACING, &layup).expect("a plate")
+    let mut body = Body::stack("plate", &shape, SPACING, &layup).expect("a plate");
+    body.materials = vec![material(GRAPHITE)];
+    body
 }
 
 fn laminate(body: &Body, finite: bool) -> Laminate {
@@ -57,13 +64,19 @@ pub(super) fn laminate_that_breaks(
         ..FamilySpec::new(3.0 * SPACING)
     };
     let plane = Family::build(layers.plane(), &spec).expect("a family");
-    let elasticity = Elasticity::bond_based(vec![Property::Constant(181e9)], 3);
+    let elasticity = Elasticity::bond_based(vec![Property::Constant(ALONG)], 3);
     let constitution = Constitution {
         finite,
         failure,
         ..Constitution::elastic(elasticity)
     };
-    Laminate::new(body, layers, plane.into(), constitution, &CONSTANTS).expect("bonds")
+    let plies = PlyPoints::new(body, constants_of(body, law::CONSTANTS)).expect("positive");
+    Laminate::new(body, layers, plane.into(), constitution, plies).expect("bonds")
+}
+
+/// The constants of the materials of a body.
+pub(super) fn constants_of(body: &Body, constants: &[Constant]) -> Constants {
+    Constants::of(body, "", "", constants).expect("all constants")
 }
 
 /// Displacements of all points by a function of their position (m).
@@ -95,9 +108,18 @@ pub(super) fn force(laminate: &mut Laminate, displacement: &[f64]) -> Vec<f64> {
     force
 }
 
+/// [`GRAPHITE`] in the plane.
+fn graphite() -> PlyStiffness {
+    PlyStiffness {
+        moduli: [ALONG, 10.3e9],
+        poissons_ratio: 0.28,
+        shear: 7.17e9,
+    }
+}
+
 /// Q of a ply turned by an angle (rad), for xx, yy and 2 xy [Jones1999].
 fn turned_stiffness(angle: f64) -> DMatrix<f64> {
-    let q = CONSTANTS.ply.reduced();
+    let q = graphite().reduced();
     let own = DMatrix::from_row_slice(
         3,
         3,
@@ -237,7 +259,7 @@ fn one_station_has_the_stiffness_of_sheets_in_the_middle_of_the_plies() {
     let body = plate(&[0.0, 90.0], &[1e-3, 1e-3], Stations::One, 21);
     let mut laminate = laminate(&body, false);
     let found = energy_per_area(&body, &mut laminate, &[0.0, 0.0, 0.0, 2.0, 0.0, 0.0]);
-    let q = CONSTANTS.ply.reduced();
+    let q = graphite().reduced();
     let expected = 0.5 * (q.along + q.across) * 1e-3 * (0.5e-3 * 2.0_f64).powi(2);
     assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
 }
