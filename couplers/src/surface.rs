@@ -148,27 +148,25 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
         Ok(SurfaceHeat {
             faces: faces.to_vec(),
             region: points.transpose()?.map(|region| region.points),
-            ..Self::through(setup, body, SurfaceDepth::Face, (cells, around), law)?
+            ..Self::through(setup, body, law, |law| NewExchange {
+                depth: SurfaceDepth::Face,
+                law,
+                cells,
+                around,
+                unread: NO_EXCHANGE,
+            })?
         })
     }
 
     fn through(
         setup: &mut Setup<'_>,
         body: BodyIndex,
-        depth: SurfaceDepth,
-        (cells, around): (Vec<SurfaceCell>, Option<NewSurroundingBody>),
         law: L,
+        new: impl FnOnce(Rc<RefCell<L>>) -> NewExchange,
     ) -> Result<SurfaceHeat<L>, SetupError> {
         let law = Rc::new(RefCell::new(law));
-        let new = NewExchange {
-            depth,
-            law: law.clone(),
-            cells,
-            around,
-            unread: NO_EXCHANGE,
-        };
         Ok(SurfaceHeat {
-            exchange: setup.exchange(body, &keys::TEMPERATURE, new)?,
+            exchange: setup.exchange(body, &keys::TEMPERATURE, new(law.clone()))?,
             law,
             faces: Vec::new(),
             region: None,
@@ -200,7 +198,13 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
             }
         };
         let cells = points.into_iter().map(cell).collect();
-        Self::through(setup, body, SurfaceDepth::Plane, (cells, None), law)
+        Self::through(setup, body, law, |law| NewExchange {
+            depth: SurfaceDepth::Plane,
+            law,
+            cells,
+            around: None,
+            unread: NO_EXCHANGE,
+        })
     }
 
     /// The law, for updates.

@@ -29,10 +29,20 @@ pub(super) struct GivenHeat {
     parts: Vec<GivenPart>,
     /// Heat given in this step through each part, J.
     heat: Vec<f64>,
-    /// The longest step last found, s, with the bound of the temperatures and the faces for which it was found.
-    pub(super) known_step: Option<((f64, u64), f64)>,
+    known_step: Option<KnownStep>,
     /// Work vector: power through each part, W.
     pub(super) powers: Vec<f64>,
+}
+
+/// The longest step last found.
+#[derive(Clone, Copy, Debug)]
+struct KnownStep {
+    /// Bound of the temperatures for which it was found, K.
+    hottest: f64,
+    /// How often the faces had changed.
+    changes: u64,
+    /// s.
+    step: f64,
 }
 
 /// A law of a face whose heat another body gives.
@@ -179,11 +189,10 @@ impl Surface {
         conductivity: impl Fn(usize, usize) -> f64,
         volume: &[f64],
     ) -> f64 {
-        let found_for = (hottest, self.changes);
-        if let Some((for_, step)) = self.given.known_step
-            && for_ == found_for
-        {
-            return step;
+        let changes = self.changes;
+        let known = self.given.known_step;
+        if let Some(known) = known.filter(|k| k.hottest == hottest && k.changes == changes) {
+            return known.step;
         }
         let conductance = |(face, part): (u32, u32)| {
             let (face, part) = (&self.faces[face as usize], &self.parts[part as usize]);
@@ -196,7 +205,11 @@ impl Surface {
         };
         let parts = self.given.parts().map(conductance);
         let step = self.given.longest_step(&self.exchanges, parts);
-        self.given.known_step = Some((found_for, step));
+        self.given.known_step = Some(KnownStep {
+            hottest,
+            changes,
+            step,
+        });
         step
     }
 }

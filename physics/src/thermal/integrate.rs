@@ -412,12 +412,12 @@ impl RunningThermal {
             return;
         };
         let given = world.read(given);
-        let supplied = sum_of([&given, &world.body(self.body).points.volume], |[q, v]| {
+        let heat = sum_of([&given, &world.body(self.body).points.volume], |[q, v]| {
             q * v
         });
         self.add_heat(world, &given);
-        self.heat.supply(supplied);
-        self.heat.from_bodies += supplied;
+        self.heat.supply(heat);
+        self.heat.from_bodies += heat;
     }
 
     /// Sets the temperatures that boundaries prescribe.
