@@ -5,7 +5,8 @@
 //! What one body gains the other one loses to rounding.
 //!
 //! The temperature of the other body is that at the start of the step: the exchange is of first order in the step, which is limited
-//! to half of the shortest time in which the exchange brings a point of the other body to the temperature of the surface.
+//! to half of the shortest time constant of a point of the other body, so that the exchange is stable. Points in many means may become colder
+//! than the surface, which sees the mean only.
 
 use std::rc::Rc;
 
@@ -181,8 +182,7 @@ impl Surface {
         self.given.powers = powers;
     }
 
-    /// Longest step (s) in which the bodies that give heat keep between the temperatures of both sides, while no point is warmer
-    /// than `hottest` (K), with the largest conductivity of a point along an axis, W/(m K).
+    /// Longest step (s) in which heat does not flow back to the bodies that give it, while no point is warmer than `hottest` (K), with the largest conductivity of a point along an axis, W/(m K).
     pub(super) fn given_step(
         &mut self,
         hottest: f64,

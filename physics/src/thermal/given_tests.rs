@@ -258,7 +258,8 @@ fn heat_is_taken_from_the_points_near_the_surface() {
     }
 }
 
-/// The step keeps the gas from falling below the coldest point of the solid, whatever the solver and the film.
+/// The step is so short that heat does not flow back, whatever the solver and the film. (A single point of the gas may become colder than
+/// the surface, which sees the mean.)
 #[test]
 fn the_step_is_that_of_the_gas_near_the_surface() {
     for solver in ["rkl2", "implicit"] {
@@ -267,12 +268,14 @@ fn the_step_is_that_of_the_gas_near_the_surface() {
             let mut pair = Pair::new(bodies(false, 2), [solver, "implicit"], &laws).expect("valid");
             let step = pair.longest_step();
             assert!(step.is_finite());
-            for _ in 0..20 {
+            for i in 0..20 {
+                let before = pair.heat(0);
                 pair.run(step, 1);
-                let [solid, gas] = [0, 1].map(|body| pair.values(body, "temperature"));
-                let [solid, gas] =
-                    [solid, gas].map(|t| t.into_iter().fold(f64::INFINITY, f64::min));
-                assert!(gas > solid, "{solver}, {coefficient}: {gas} {solid}");
+                let gained = pair.heat(0) - before;
+                assert!(
+                    gained > 0.0,
+                    "{solver}, {coefficient}, step {i}: {gained} J"
+                );
             }
         }
     }
