@@ -18,6 +18,7 @@ use super::fields::{has_tensor_eigenstrain, is_conjugate_tensor_read};
 use super::gradient::FlatFamily;
 use super::keys::Formulation;
 use super::laminate::no_layup;
+use super::law_states::visit_states;
 use super::linear::LinearSolids;
 use super::ordinary::Ordinary;
 use super::plasticity::ChosenFlow;
@@ -245,40 +246,6 @@ fn check_constants<L: PointLaw>(law: &L, parts: &Parts<'_>) -> Result<(), SetupE
             checked.map_err(|e| e.below(&key_of(parts.name)))
         },
     )
-}
-
-/// Passes the constants of each material at the temperatures of their tables to `visit`, as many as there are, with a text that names
-/// the material, and the temperature if they depend on it.
-///
-/// # Errors
-/// The first one of `visit`.
-pub(super) fn visit_states(
-    body: &Body,
-    constants: &Constants,
-    count: usize,
-    mut visit: impl FnMut(&[f64], &str) -> Result<(), SetupError>,
-) -> Result<(), SetupError> {
-    let mut values = vec![0.0; count];
-    for (m, material) in body.materials.iter().enumerate() {
-        let material = format!("material `{}`", material.name());
-        let mut tables = constants.temperatures(m);
-        tables.sort_by(f64::total_cmp);
-        tables.dedup();
-        let temperatures = if tables.is_empty() {
-            &[0.0]
-        } else {
-            &tables[..]
-        };
-        for &temperature in temperatures {
-            constants.load(m, temperature, 0.0, &mut values);
-            let of = match tables.is_empty() {
-                true => material.clone(),
-                false => format!("{material} at {temperature} K"),
-            };
-            visit(&values, &of)?;
-        }
-    }
-    Ok(())
 }
 
 /// The constants of a law that does not change from point to point.

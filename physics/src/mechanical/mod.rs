@@ -66,6 +66,7 @@ pub mod keys;
 mod keys_tests;
 pub mod laminate;
 pub mod law;
+mod law_states;
 #[cfg(test)]
 mod law_tests;
 mod layer_forces;

@@ -1,6 +1,6 @@
 //! Bonds of a laminate beyond their limits, which break.
 
-use perimelt_core::{Bond, SlotField};
+use perimelt_core::Bond;
 
 use super::Laminate;
 use super::failure::{BondSet, Failure};
@@ -19,12 +19,9 @@ impl Laminate {
         };
         let mut found = Vec::new();
         for layer in 0..self.layers.len() {
-            let limits = &failure.limits;
-            let matrix = (BondSet::Matrix(layer), &limits.matrix[layer], None);
-            self.find_in_layer(&failure, layer, matrix, &mut found);
-            if let Some(along) = failure.fibres[layer].filter(|_| limits.can_break_fibres) {
-                let fibres = (BondSet::Fibres(layer), &limits.fibres[layer], Some(along));
-                self.find_in_layer(&failure, layer, fibres, &mut found);
+            self.find_in_layer(&failure, BondSet::Matrix(layer), &mut found);
+            if failure.limits.can_break_fibres && failure.fibres[layer].is_some() {
+                self.find_in_layer(&failure, BondSet::Fibres(layer), &mut found);
             }
         }
         for interface in 0..self.interfaces.len() {
@@ -61,14 +58,14 @@ impl Laminate {
         }
     }
 
-    /// Bonds of a set of a layer beyond their limits; those along a direction, if it is given.
-    fn find_in_layer(
-        &mut self,
-        failure: &Failure,
-        layer: usize,
-        (set, limits, along): (BondSet, &[SlotField; 2], Option<[f64; 2]>),
-        found: &mut Vec<Exceeding>,
-    ) {
+    /// Bonds of a set of a layer beyond their limits.
+    fn find_in_layer(&mut self, failure: &Failure, set: BondSet, found: &mut Vec<Exceeding>) {
+        let sets = &failure.limits;
+        let (layer, limits, along) = match set {
+            BondSet::Matrix(layer) => (layer, &sets.matrix[layer], None),
+            BondSet::Fibres(layer) => (layer, &sets.fibres[layer], failure.fibres[layer]),
+            BondSet::Opening(_) | BondSet::Sliding(_) => return,
+        };
         let own = self.layers[layer].inputs(true, &self.zeros);
         let inputs: [&[f64]; LOAD_INPUTS] = std::array::from_fn(|n| match n.checked_sub(LIMITS) {
             Some(side) => &limits[side][..],

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::law::CONSTANTS;
 use super::weights::PlyStiffness;
-use crate::mechanical::law::visit_states;
+use crate::mechanical::law_states::visit_states;
 use crate::plies::turned;
 
 /// Constants of a ply.

@@ -253,6 +253,36 @@ fn a_ply_across_is_a_ply_along_with_its_axes_exchanged() {
     }
 }
 
+/// A ply at 45 degrees, on the diagonals of the lattice, is one at 0 degrees that is turned: displacements that are
+/// quadratic in the position have the force of the continuum on both lattices.
+#[test]
+fn a_ply_at_45_degrees_is_a_ply_along_that_is_turned() {
+    let side = 17;
+    let middle = 0.5 * side as f64 * SPACING;
+    let centre = 3 * (side * side / 2);
+    // factors of x^2, x y and y^2 in the displacements along x, y and z
+    let factors = [[2.0, -1.0, 0.5], [0.3, 1.5, -2.0], [0.0; 3]];
+    let quadratic = |x: f64, y: f64| factors.map(|[a, b, c]| a * x * x + b * x * y + c * y * y);
+    let [along, turned] = [0.0_f64, 45.0].map(|angle| {
+        let body = plate(&[angle], &[1e-3], Stations::One, side);
+        let (s, c) = angle.to_radians().sin_cos();
+        let state = displaced(&body, |x, y, _| {
+            let (x, y) = (x - middle, y - middle);
+            let [u, v, w] = quadratic(c * x + s * y, c * y - s * x);
+            [c * u - s * v, s * u + c * v, w]
+        });
+        let force = force(&mut laminate(&body, false), &state);
+        let [u, v] = [force[centre], force[centre + 1]];
+        [c * u + s * v, c * v - s * u]
+    });
+    let size = along[0].hypot(along[1]);
+    for (along, turned) in along.iter().zip(turned) {
+        let error = turned - along;
+        // the calibration of bonds along the fibres at their ends is felt in the middle
+        assert!(error.abs() < 2e-3 * size, "{error} of {size}");
+    }
+}
+
 /// A ply of one station bends without energy of its own.
 #[test]
 fn one_station_has_the_stiffness_of_sheets_in_the_middle_of_the_plies() {
