@@ -84,6 +84,9 @@ pub mod keys {
         /// Heat per reference volume that a flow inside the body carried to a point during a step, J/m³ (sink field of amounts of
         /// the thermal physics, [`crate::Setup::take_if_added`]); its sum over the points vanishes.
         CARRIED_HEAT: f64 = "carried_heat", "J/m3", "heat that a flow carried to the point in a step";
+        /// Heat per reference volume that a physics of another body gave to a point in a step, J/m³ (sink field of amounts of the thermal
+        /// physics, [`crate::Setup::take_if_added`]).
+        GIVEN_HEAT: f64 = "given_heat", "J/m3", "heat that another body gave to the point in a step";
         /// Derivative of [`HEAT_SOURCE`] by the temperature of the point, with the opposite sign, W/(m³ K), of heat from bodies whose
         /// temperature is that of the moment (sink field of the thermal physics, which takes it into account in steady states).
         HEAT_CONDUCTANCE: f64 = "heat_conductance", "W/(m3 K)", "conductance to other bodies per volume";

@@ -117,13 +117,39 @@ pub fn earlier(a: Option<f64>, b: Option<f64>) -> Option<f64> {
 
 const FORMS: &str = "a number, { time = [...], value = [...] } with times in seconds, { file = \"...\" }, or a formula in t (s)";
 
-#[derive(Deserialize)]
+/// The keys of the tables of a value by time, in place and in a file, for values that have other forms besides.
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Rows {
-    time: Option<Vec<f64>>,
-    value: Option<Vec<f64>>,
-    file: Option<PathBuf>,
-    column: Option<String>,
+pub struct Rows {
+    /// Times, s.
+    pub time: Option<Vec<f64>>,
+    /// Values at these times.
+    pub value: Option<Vec<f64>>,
+    /// File with the rows.
+    pub file: Option<PathBuf>,
+    /// Its column of the values.
+    pub column: Option<String>,
+}
+
+impl Rows {
+    /// The value by time that the keys give.
+    ///
+    /// # Errors
+    /// Keys that are missing or do not go together, rows that are no table, a file that cannot be read.
+    pub fn value<E: de::Error>(self) -> Result<InTime, E> {
+        match (self.time, self.value, self.file) {
+            (Some(time), Some(value), None) if self.column.is_none() => Table::new(time, value)
+                .map(InTime::Table)
+                .map_err(E::custom),
+            (None, None, Some(file)) => {
+                let column = self.column;
+                InTime::of_file(&FieldFile { file, column }).map_err(E::custom)
+            }
+            (None, Some(_), None) => Err(E::missing_field("time")),
+            (Some(_), None, None) => Err(E::missing_field("value")),
+            _ => Err(E::custom(format_args!("expected {FORMS}"))),
+        }
+    }
 }
 
 impl<'de> Deserialize<'de> for InTime {
@@ -168,19 +194,7 @@ impl<'de> Visitor<'de> for InTimeVisitor {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<InTime, A::Error> {
-        let rows = Rows::deserialize(MapAccessDeserializer::new(map))?;
-        match (rows.time, rows.value, rows.file) {
-            (Some(time), Some(value), None) if rows.column.is_none() => Table::new(time, value)
-                .map(InTime::Table)
-                .map_err(de::Error::custom),
-            (None, None, Some(file)) => {
-                let column = rows.column;
-                InTime::of_file(&FieldFile { file, column }).map_err(de::Error::custom)
-            }
-            (None, Some(_), None) => Err(de::Error::missing_field("time")),
-            (Some(_), None, None) => Err(de::Error::missing_field("value")),
-            _ => Err(de::Error::custom(format_args!("expected {FORMS}"))),
-        }
+        Rows::deserialize(MapAccessDeserializer::new(map))?.value()
     }
 }
 

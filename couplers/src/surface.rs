@@ -6,6 +6,7 @@ use std::rc::Rc;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::exchange::{Exchange, FreeFaces, NewExchange, SurfaceDepth, SurfaceLaw};
+use perimelt_core::world::surrounding_body::{NewSurroundingBody, SurroundingBody};
 use perimelt_core::{
     ActivityChanges, Change, Face, FactRule, Report, Setup, SetupError, World, keys, shared_keys,
 };
@@ -80,6 +81,25 @@ pub(crate) fn select(
     Ok(cells)
 }
 
+/// Where a boundary exchanges heat, and with which body, if the surroundings are one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SurfacePlace<'a> {
+    pub faces: &'a [Face],
+    pub region: Option<&'a str>,
+    pub around: Option<NewSurroundingBody>,
+}
+
+impl<'a> SurfacePlace<'a> {
+    /// Without a body around it.
+    pub fn new(faces: &'a [Face], region: Option<&'a str>) -> Self {
+        SurfacePlace {
+            faces,
+            region,
+            around: None,
+        }
+    }
+}
+
 /// The surface through which a boundary exchanges heat by a law, which the physics of the body evaluates.
 ///
 /// Where material is deposited, the surface changes with each point that becomes active.
@@ -106,10 +126,14 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
     pub fn prepare(
         setup: &mut Setup<'_>,
         body: BodyIndex,
-        faces: &[Face],
-        region: Option<&str>,
+        place: SurfacePlace<'_>,
         law: L,
     ) -> Result<SurfaceHeat<L>, SetupError> {
+        let SurfacePlace {
+            faces,
+            region,
+            around,
+        } = place;
         if let Some(region) = region {
             let message = format!("region `{region}` would move with the window of finer points");
             let error = SetupError::value(
@@ -124,26 +148,25 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
         Ok(SurfaceHeat {
             faces: faces.to_vec(),
             region: points.transpose()?.map(|region| region.points),
-            ..Self::through(setup, body, SurfaceDepth::Face, cells, law)?
+            ..Self::through(setup, body, law, |law| NewExchange {
+                depth: SurfaceDepth::Face,
+                law,
+                cells,
+                around,
+                unread: NO_EXCHANGE,
+            })?
         })
     }
 
     fn through(
         setup: &mut Setup<'_>,
         body: BodyIndex,
-        depth: SurfaceDepth,
-        cells: Vec<SurfaceCell>,
         law: L,
+        new: impl FnOnce(Rc<RefCell<L>>) -> NewExchange,
     ) -> Result<SurfaceHeat<L>, SetupError> {
         let law = Rc::new(RefCell::new(law));
-        let new = NewExchange {
-            depth,
-            law: law.clone(),
-            cells,
-            unread: NO_EXCHANGE,
-        };
         Ok(SurfaceHeat {
-            exchange: setup.exchange(body, &keys::TEMPERATURE, new)?,
+            exchange: setup.exchange(body, &keys::TEMPERATURE, new(law.clone()))?,
             law,
             faces: Vec::new(),
             region: None,
@@ -175,12 +198,23 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
             }
         };
         let cells = points.into_iter().map(cell).collect();
-        Self::through(setup, body, SurfaceDepth::Plane, cells, law)
+        Self::through(setup, body, law, |law| NewExchange {
+            depth: SurfaceDepth::Plane,
+            law,
+            cells,
+            around: None,
+            unread: NO_EXCHANGE,
+        })
     }
 
     /// The law, for updates.
     pub fn law(&self) -> RefMut<'_, L> {
         self.law.borrow_mut()
+    }
+
+    /// The body around the surface, where there is one.
+    pub fn around(&self) -> Option<&SurroundingBody> {
+        self.exchange.around.as_ref()
     }
 
     /// The faces of cells through which heat flows.
@@ -215,14 +249,15 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
         let here = here.filter(|p| region.is_none_or(|r| r.binary_search(p).is_ok()));
         let here = here.map(|point| point as usize);
         let active = |point: usize| self.activity.is_active(point);
-        let free = self
-            .free
-            .get_or_insert_with(|| FreeFaces::new(world, index, &keys::TEMPERATURE.name));
+        let free = self.free.get_or_insert_with(|| {
+            let free = FreeFaces::new(world, index, &keys::TEMPERATURE.name);
+            free.reached_from(self.exchange.around.as_ref())
+        });
         let bare = body.surface_of(here, &self.faces, active).into_iter();
         cells.extend(bare.filter_map(|cell| free.free_cell(world, body, &cell).0));
         // faces of a point stay in the order of `faces`
         cells.sort_by_key(|cell| cell.point);
-        self.exchange.set_cells(cells);
+        self.exchange.set_cells(world, cells);
     }
 
     pub fn report(&self) -> Vec<Report> {
@@ -281,7 +316,7 @@ mod tests {
         setup.next_plugin("heat");
         let faces = [Face::ZMax, Face::XMin];
         let law = PrescribedFlux(1.0);
-        let surface = SurfaceHeat::prepare(&mut setup, 0, &faces, None, law);
+        let surface = SurfaceHeat::prepare(&mut setup, 0, SurfacePlace::new(&faces, None), law);
         let mut surface = surface.expect("valid");
         setup.next_plugin("deposit");
         let upper: Vec<u32> = (18..36).collect();
@@ -327,7 +362,7 @@ mod tests {
         let mut setup = Setup::new(&mut world, Path::new("."));
         setup.next_plugin("heat");
         let law = PrescribedFlux(1.0);
-        let surface = SurfaceHeat::prepare(&mut setup, 0, &Face::ALL, None, law);
+        let surface = SurfaceHeat::prepare(&mut setup, 0, SurfacePlace::new(&Face::ALL, None), law);
         boundaries(&mut setup);
         setup.next_plugin("thermal");
         setup.own(0, &keys::TEMPERATURE).expect("free");

@@ -23,6 +23,7 @@ FAST = (
     "orthotropic",
     "thermoelastic_bar",
     "thermoelastic_waves",
+    "two_bodies",
 )
 
 

@@ -244,6 +244,12 @@ mistakes! {
     temperature_below_zero: "initial.temperature = 300" => "initial.temperature = -5";
     surroundings_below_zero: "ambient = 300" => "ambient = -5";
     fire_that_is_unknown: "ambient = 300" => "ambient = \"293 + fire_iso834(t)\"";
+    gas_that_is_unknown: "ambient = 300" => "ambient = { body = \"gas\" }";
+    gas_around_itself: "ambient = 300" => "ambient = { body = \"plate\" }";
+    gas_with_a_temperature_in_time: "ambient = 300" => "ambient = { body = \"gas\", time = [0], value = [300] }";
+    exchange_that_is_unknown: "ambient = 300" => "ambient = { body = \"gas\", exchange = \"two_ways\" }";
+    exchange_without_a_body: "ambient = 300" => "ambient = { exchange = \"two_way\" }";
+    film_without_a_coefficient: "coefficient = 200\n" => "";
     formula_of_a_property_in_the_time: "value = [50, 30]" => "value = \"50 - 0.02 * t\"";
     formula_of_a_property_that_is_infinite: "value = [50, 30]" => "value = \"50 / (T - 300)\"";
     water_that_cavitates_under_pressure: "[[couplers]]\ntype = \"phase_change\"" => "[[couplers]]\ntype = \"undex\"\nfaces = [\"z-\"]\nincident = 1e6\ncavitation = 1e5\n[[couplers]]\ntype = \"phase_change\"";

@@ -1,15 +1,16 @@
 //! Bodies in contact without heat exchange.
 
 use std::collections::BTreeSet;
+use std::rc::Rc;
 
-use perimelt_core::world::exchange::{Covered, FreeFaces};
+use perimelt_core::world::exchange::{Covered, Exchange, FreeFaces};
 use perimelt_core::{Face, Simulation};
 
 use super::warnings::provides;
 use super::{Case, CaseError};
 
 impl Case {
-    /// Pairs of bodies with a temperature that are in contact without a `heat_interface`.
+    /// Pairs of bodies with a temperature that are in contact and exchange no heat.
     pub(super) fn touching_bodies(
         &self,
         simulation: &Simulation,
@@ -36,8 +37,17 @@ impl Case {
             return Ok(Vec::new());
         }
         let mut touching = BTreeSet::new();
+        // one body surrounds the other
+        let mut joined: BTreeSet<[String; 2]> = BTreeSet::new();
         for &index in &solids {
             let body = world.body(index);
+            let exchanges = world.facts::<Rc<Exchange>>(index);
+            let around = exchanges.filter_map(|e| e.around.as_ref());
+            joined.extend(around.map(|around| {
+                let mut pair = [body.name.clone(), world.body(around.body).name.clone()];
+                pair.sort();
+                pair
+            }));
             let free = FreeFaces::new(world, index, "temperature");
             for cell in body.surface(&Face::ALL) {
                 let (_, Some(Covered::Body(other))) = free.free_cell(world, body, &cell) else {
@@ -55,7 +65,9 @@ impl Case {
                 "bodies `{one}` and `{other}` lie against each other and exchange no heat: there is no coupler `heat_interface` between them"
             )
         };
-        touching.retain(|pair| !is_joined(pair.each_ref().map(String::as_str)));
+        touching.retain(|pair| {
+            !joined.contains(pair) && !is_joined(pair.each_ref().map(String::as_str))
+        });
         Ok(touching.into_iter().map(sentence).collect())
     }
 }

@@ -7,8 +7,10 @@ use std::rc::Rc;
 use crate::body::{Face, SurfaceCell};
 use crate::error::SetupError;
 use crate::field::Key;
+use crate::text::{number, position};
 use crate::world::BodyIndex;
 use crate::world::exchange::{Covered, Exchange, FreeFaces, NewExchange, SurfaceDepth};
+use crate::world::surrounding_body::SurroundingBody;
 
 use super::{Access, Setup, Warning};
 
@@ -30,6 +32,7 @@ impl Setup<'_> {
             depth,
             law,
             cells,
+            around,
             unread,
         } = new;
         let exchange = Rc::new(Exchange {
@@ -37,6 +40,7 @@ impl Setup<'_> {
             body,
             field,
             depth,
+            around: around.map(SurroundingBody::new),
             law,
             cells: RefCell::new(cells),
             version: Cell::default(),
@@ -85,13 +89,14 @@ impl Setup<'_> {
             if !covered.is_empty() {
                 let left_out: Vec<String> = covered
                     .iter()
-                    .map(|(reason, area)| {
-                        format!("{} m² because {reason}", crate::text::number(*area, 3))
-                    })
+                    .map(|(reason, area)| format!("{} m² because {reason}", number(*area, 3)))
                     .collect();
                 self.note(plugin, format!("leaves out {}", left_out.join("; ")));
             }
-            exchange.set_cells(cells);
+            exchange.set_cells(self.world, cells);
+            if let Some(error) = self.without_surroundings(&exchange) {
+                mistakes.push((plugin, error));
+            }
         }
         for plugin in twice {
             let message = "acts on faces on which another boundary of its kind acts (`convection` and `water_jet` are of one kind): \
@@ -105,11 +110,29 @@ impl Setup<'_> {
         mistakes
     }
 
+    /// The mistake of a surface with a part that is far from the body with which it exchanges.
+    fn without_surroundings(&self, exchange: &Exchange) -> Option<SetupError> {
+        let around = exchange.around.as_ref()?;
+        let cells = exchange.cells();
+        let lonely = (0..cells.len()).find(|&cell| around.near().of(cell).0.is_empty())?;
+        let at = self.body(exchange.body).points.position[cells[lonely].point as usize];
+        let message = format!(
+            "no point of body `{}` lies within {} m of the point at {} m, which has a free face `{}`",
+            self.body(around.body).name,
+            number(around.radius, 4),
+            position(at),
+            cells[lonely].face.name()
+        );
+        let expected = "`faces` or a `region` that the body surrounds, or a longer `horizon`";
+        Some(SetupError::value("ambient", message, expected))
+    }
+
     /// The free cell faces of an exchange, and the areas that are covered.
     fn free_cells(&self, exchange: &Exchange) -> (Vec<SurfaceCell>, BTreeMap<Covered, f64>) {
         let body = self.body(exchange.body);
         let field = &self.world.fields.field(exchange.field).name;
         let free = FreeFaces::new(self.world, exchange.body, field);
+        let free = free.reached_from(exchange.around.as_ref());
         let mut covered: BTreeMap<Covered, f64> = BTreeMap::new();
         let mut cells = Vec::new();
         for cell in exchange.cells().iter() {

@@ -21,7 +21,7 @@ struct SavedField {
 }
 
 /// Version of the layout of checkpoints, those of plugins included.
-const FORMAT: u32 = 9;
+const FORMAT: u32 = 10;
 
 #[derive(Serialize, Deserialize)]
 struct Checkpoint {

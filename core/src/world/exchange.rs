@@ -16,6 +16,7 @@ use std::rc::Rc;
 use nalgebra::Vector3;
 
 use super::facts::{Fact, FactRule};
+use super::surrounding_body::{NewSurroundingBody, SurroundingBody};
 use super::{BodyIndex, World};
 use crate::body::{Body, Face, SurfaceCell};
 use crate::cell_list::CellList;
@@ -74,6 +75,8 @@ pub struct Exchange {
     pub(crate) field: FieldIndex,
     /// Where that value is.
     pub depth: SurfaceDepth,
+    /// The body with which heat is exchanged, where the surroundings are one.
+    pub around: Option<SurroundingBody>,
     pub(crate) law: Rc<RefCell<dyn SurfaceLaw>>,
     pub(crate) cells: RefCell<Vec<SurfaceCell>>,
     pub(crate) version: Cell<u64>,
@@ -99,6 +102,8 @@ pub struct NewExchange {
     pub law: Rc<RefCell<dyn SurfaceLaw>>,
     /// The cell faces on which it acts.
     pub cells: Vec<SurfaceCell>,
+    /// The body with which heat is exchanged, where the surroundings are one.
+    pub around: Option<NewSurroundingBody>,
     /// The mistake where no physics evaluates it.
     pub unread: FactRule,
 }
@@ -114,8 +119,11 @@ impl Exchange {
         Ref::map(self.cells.borrow(), Vec::as_slice)
     }
 
-    /// Replaces the cell faces.
-    pub fn set_cells(&self, cells: Vec<SurfaceCell>) {
+    /// Replaces the cell faces, and finds the points of the body around them.
+    pub fn set_cells(&self, world: &World, cells: Vec<SurfaceCell>) {
+        if let Some(around) = &self.around {
+            around.find_points(world, self.body, &cells);
+        }
         *self.cells.borrow_mut() = cells;
         self.version.set(self.version.get() + 1);
     }
@@ -217,6 +225,14 @@ impl FreeFaces {
             layers,
             covers: covers.collect(),
         }
+    }
+
+    /// Lets a body that is the surroundings cover nothing.
+    #[must_use]
+    pub fn reached_from(mut self, around: Option<&SurroundingBody>) -> FreeFaces {
+        self.covers
+            .retain(|cover| around.is_none_or(|around| around.body != cover.body));
+        self
     }
 
     /// The part of a cell face that is free, from 0 to 1, and what covers the rest.

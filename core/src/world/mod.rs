@@ -8,6 +8,7 @@ pub mod facts;
 pub mod families;
 mod materials;
 pub mod refinement;
+pub mod surrounding_body;
 
 use std::cell::{Ref, RefCell, RefMut};
 use std::rc::Rc;

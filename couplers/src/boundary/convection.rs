@@ -1,4 +1,8 @@
-//! Convection: `q = f(x, y, z, t) h(T) (T_ambient - T)` into the body, T of the surface.
+//! Convection: `q = f(x, y, z, t) h (T_ambient - T)` into the body, T of the surface, with the larger coefficient of two:
+//!
+//! ```text
+//! h = max(h(T), C |T_ambient - T|^(1/3))      natural convection in turbulent flow, Gao (2020), eq. 8.38
+//! ```
 //!
 //! The factor f lies between 0 and 1, so that h(T) is the largest coefficient at all positions and times and limits the
 //! step. It describes zones with and without spray, jets that move, and water that is turned on.
@@ -8,15 +12,16 @@
 
 use perimelt_core::formula::Formula;
 use perimelt_core::material::Property;
+use perimelt_core::numbers::check_positive;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
-    Coupler, Face, Programme, Report, RunError, RunningCoupler, Setup, SetupError, Step,
-    StepLimits, World, flattened,
+    Coupler, Face, LoadError, Report, RunError, RunningCoupler, SavedState, Setup, SetupError,
+    Step, StepLimits, World, flattened,
 };
 
+use super::ambient::{Ambient, AmbientTemperatures, RunningAmbient};
 use super::with_programme;
-use crate::InTime;
 use crate::surface::{OnSurface, SurfaceHeat, all_faces};
 
 flattened! {
@@ -28,15 +33,21 @@ flattened! {
         #[serde(default = "all_faces")]
         pub faces: Vec<Face>,
         /// Heat transfer coefficient (W/(m² K)): a number, or `{ temperature = [...], value = [...] }`
-        /// with the temperature of the surface in K.
-        pub coefficient: Property,
+        /// with the temperature of the surface in K. May be left out where `natural` is given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub coefficient: Option<Property>,
+        /// Natural convection: factor C of the coefficient `C |T_ambient - T|^(1/3)`, W/(m² K^(4/3)); for air 1.52 on horizontal surfaces and
+        /// 1.38 on vertical ones. With `coefficient`, the larger one of both counts.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub natural: Option<f64>,
         /// What the coefficient is multiplied by, from 0 to 1: a formula in the position x, y, z (m) of a surface point and the
         /// time t (s), such as `"exp(-((x - 0.1 * t) / 0.02)^2)"`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub factor: Option<Formula>,
-        /// Temperature of the fluid (K): a number, `{ time = [...], value = [...] }`, times in s, or a formula in the time t (s), such
-        /// as that of a fire, `"293.15 + fire_iso_834(t)"`.
-        pub ambient: InTime,
+        /// Temperature of the fluid (K): a number, `{ time = [...], value = [...] }`, times in s, a formula in the time t (s), such
+        /// as that of a fire, `"293.15 + fire_iso_834(t)"`, or that of a body, `{ body = "gas" }`, near each point of the surface.
+        pub ambient: Ambient,
     }
 }
 
@@ -53,18 +64,19 @@ fn is_fraction(value: f64) -> bool {
 struct RunningConvection {
     body: BodyIndex,
     factor: Option<Formula>,
-    ambient: InTime,
+    ambient: RunningAmbient,
     heat: SurfaceHeat<ConvectionLaw>,
 }
 
-/// `f h(T) (T_ambient - T)`.
+/// `f h (T_ambient - T)`.
 #[derive(Debug)]
 struct ConvectionLaw {
     coefficient: Property,
-    /// Largest coefficient, W/(m² K).
+    /// Factor of natural convection, W/(m² K^(4/3)); zero without.
+    natural: f64,
+    /// Largest value of `coefficient`, W/(m² K).
     largest: f64,
-    /// Ambient temperature, K.
-    ambient: f64,
+    ambient: AmbientTemperatures,
     /// Factor by cell face; empty where it is 1.
     factor: Vec<f64>,
 }
@@ -77,19 +89,66 @@ impl SurfaceLaw for ConvectionLaw {
     fn flux(&self, cell: usize, temperature: f64) -> SurfaceFlux {
         let factor = self.factor.get(cell).copied().unwrap_or(1.0);
         let (coefficient, slope) = self.coefficient.with_slope(temperature);
-        let difference = self.ambient - temperature;
+        let difference = self.ambient.at(cell) - temperature;
+        let natural = match self.natural {
+            0.0 => 0.0,
+            constant => constant * difference.abs().cbrt(),
+        };
+        let (coefficient, slope) = match natural > coefficient {
+            true => (natural, -4.0 / 3.0 * natural),
+            false => (coefficient, slope * difference - coefficient),
+        };
         SurfaceFlux {
             flux: factor * coefficient * difference,
-            slope: factor * (slope * difference - coefficient),
+            slope: factor * slope,
         }
     }
 
-    fn stiffness(&self, _: f64) -> f64 {
-        self.largest
+    fn stiffness(&self, hottest: f64) -> f64 {
+        // no difference of temperatures is larger than the hottest one
+        self.largest.max(4.0 / 3.0 * self.natural * hottest.cbrt())
+    }
+
+    fn surroundings(&self) -> f64 {
+        match self.natural {
+            0.0 => 0.0,
+            _ => self.ambient.highest(),
+        }
     }
 
     fn is_linear(&self) -> bool {
-        self.coefficient.constant().is_some()
+        self.natural == 0.0 && self.coefficient.constant().is_some()
+    }
+}
+
+impl Convection {
+    /// The law with the temperatures at the start.
+    fn law(&self) -> Result<ConvectionLaw, SetupError> {
+        let natural = check_positive("natural", self.natural, "W/(m² K^(4/3))")?.unwrap_or(0.0);
+        let coefficient = match &self.coefficient {
+            Some(given) => given.clone(),
+            None if natural > 0.0 => Property::Constant(0.0),
+            None => {
+                let message = "neither `coefficient` nor `natural` is given";
+                let expected = "a heat transfer coefficient, or the factor of natural convection";
+                return Err(SetupError::value("coefficient", message, expected));
+            }
+        };
+        let coefficients = coefficient.values();
+        if coefficient.is_by_phase() || coefficients.iter().any(|h| *h < 0.0) {
+            return Err(SetupError::value(
+                "coefficient",
+                "the heat transfer coefficient is negative or given by phase",
+                "a number or a table in temperature, nowhere below 0",
+            ));
+        }
+        Ok(ConvectionLaw {
+            largest: coefficients.iter().fold(0.0, |a: f64, h| a.max(*h)),
+            natural,
+            ambient: self.ambient.first(),
+            factor: Vec::new(),
+            coefficient,
+        })
     }
 }
 
@@ -100,22 +159,11 @@ impl Coupler for Convection {
         setup: &mut Setup<'_>,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.place.body.as_deref())?;
-        let coefficients = self.coefficient.values();
-        if self.coefficient.is_by_phase() || coefficients.iter().any(|h| *h < 0.0) {
-            return Err(SetupError::value(
-                "coefficient",
-                "the heat transfer coefficient is negative or given by phase",
-                "a number or a table in temperature, nowhere below 0",
-            ));
-        }
-        let law = ConvectionLaw {
-            largest: coefficients.iter().fold(0.0, |a: f64, h| a.max(*h)),
-            coefficient: self.coefficient,
-            ambient: self.ambient.at(0.0),
-            factor: Vec::new(),
-        };
+        let law = self.law()?;
+        let programme = self.ambient.programme();
+        let reach = self.ambient.prepare(setup, body, self.faces)?;
         let region = self.place.region.as_deref();
-        let heat = SurfaceHeat::prepare(setup, body, &self.faces, region, law)?;
+        let heat = SurfaceHeat::prepare(setup, body, reach.place(region), law)?;
         if let Some(factor) = &self.factor {
             let positions = &setup.body(body).points.position;
             for cell in heat.cells().iter() {
@@ -127,12 +175,11 @@ impl Coupler for Convection {
                 }
             }
         }
-        let programme = Programme::of_values([("ambient", &self.ambient)]);
         setup.stepping(with_programme(programme));
         Ok(Box::new(RunningConvection {
             body,
             factor: self.factor,
-            ambient: self.ambient,
+            ambient: reach.ambient,
             heat,
         }))
     }
@@ -142,7 +189,8 @@ impl RunningCoupler for RunningConvection {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         self.heat.follow(world);
         let mut law = self.heat.law();
-        law.ambient = self.ambient.at(step.middle());
+        let around = self.heat.around();
+        self.ambient.update(world, step, around, &mut law.ambient);
         let Some(factor) = &self.factor else {
             return Ok(());
         };
@@ -164,6 +212,14 @@ impl RunningCoupler for RunningConvection {
         Ok(())
     }
 
+    /// The exchange does not limit steps itself, but the physics that evaluates it needs the first surroundings.
+    fn stable_step(&mut self, world: &World) -> Option<f64> {
+        let around = self.heat.around();
+        self.ambient
+            .begin(world, around, &mut self.heat.law().ambient);
+        None
+    }
+
     fn step_limits(&self, time: f64) -> StepLimits {
         StepLimits {
             next_event: self.ambient.next_event(time),
@@ -173,6 +229,16 @@ impl RunningCoupler for RunningConvection {
 
     fn report(&self) -> Vec<Report> {
         self.heat.report()
+    }
+
+    /// The surroundings of the last step, on which the next stable step depends.
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(self.heat.law().ambient.clone())
+    }
+
+    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
+        self.heat.law().ambient = erased_serde::deserialize(state)?;
+        Ok(())
     }
 }
 
@@ -253,6 +319,52 @@ mod tests {
         later.apply(&world, Step::new(0.0, 1.0)).expect("0.25");
         let error = later.apply(&world, Step::new(2.0, 1.0)).expect_err("1.25");
         assert!(error.to_string().contains("1.25"), "{error}");
+    }
+
+    /// h = max(coefficient, C |T_ambient - T|^(1/3)).
+    #[test]
+    fn the_larger_coefficient_of_natural_and_given_convection_counts() {
+        let mut world = World::new(vec![block([1, 1, 1], 3, STEEL)]);
+        let boundary = read::<Convection>("natural = 1.38\ncoefficient = 5\nambient = 300");
+        let (mut boundary, exchange) = exchange(&mut world, boundary);
+        apply(&world, &mut *boundary, 0.0);
+        // above and below the ambient temperature, on both sides of (5 / 1.38)^3 = 47.6 K
+        for (t, h) in [
+            (310.0, 5.0),
+            (290.0, 5.0),
+            (400.0, 6.40543),
+            (173.0, 6.93661),
+        ] {
+            let found = heat(&world, &exchange, |_| t)[0];
+            let expected = 6.0 * h * (300.0 - t);
+            assert!(
+                (found / expected - 1.0).abs() < 1e-5,
+                "{t}: {found} {expected}"
+            );
+        }
+        check_slopes(&exchange, &[280.0, 310.0, 400.0, 900.0]);
+        for hottest in [350.0, 900.0] {
+            for t in [1.0, 300.0, hottest] {
+                let slope = exchange.law().flux(0, t).slope;
+                assert!(exchange.law().stiffness(hottest) >= -slope, "{hottest} {t}");
+            }
+        }
+        assert!(!exchange.law().is_linear());
+        assert_eq!(exchange.law().surroundings(), 300.0);
+    }
+
+    #[test]
+    fn a_film_needs_a_coefficient() {
+        for (keys, key) in [
+            ("", "coefficient"),
+            ("natural = 0", "natural"),
+            ("natural = -1", "natural"),
+        ] {
+            let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
+            let boundary: Convection = read(&format!("{keys}\nambient = 300"));
+            let message = refusal(&mut world, boundary);
+            assert!(message.starts_with(key), "{message}");
+        }
     }
 
     #[test]

@@ -9,7 +9,7 @@ use perimelt_core::{
 
 use super::with_programme;
 use crate::InTime;
-use crate::surface::{OnSurface, SurfaceHeat};
+use crate::surface::{OnSurface, SurfaceHeat, SurfacePlace};
 
 flattened! {
     /// Heat through the surface at a given rate.
@@ -56,7 +56,7 @@ impl Coupler for HeatFlux {
         let body = setup.find_body(self.place.body.as_deref())?;
         let region = self.place.region.as_deref();
         let law = PrescribedFlux(self.flux.at(0.0));
-        let heat = SurfaceHeat::prepare(setup, body, &self.faces, region, law)?;
+        let heat = SurfaceHeat::prepare(setup, body, SurfacePlace::new(&self.faces, region), law)?;
         let programme = Programme::of_values([("flux", &self.flux)]);
         setup.stepping(with_programme(programme));
         let flux = self.flux;

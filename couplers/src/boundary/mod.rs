@@ -4,6 +4,7 @@
 //! families there ([`LayerKind`]), or at the points of a `region`. Fluxes, tractions and heat exchange
 //! act on the points of the bare surface.
 
+mod ambient;
 mod clamp;
 mod convection;
 mod crack;
@@ -21,6 +22,7 @@ mod undex;
 mod wall;
 mod water_jet;
 
+pub use ambient::{Ambient, AmbientBody, ExchangeKind};
 pub use clamp::Clamp;
 pub use convection::Convection;
 pub use crack::InsulatedCrack;

@@ -7,12 +7,12 @@
 use perimelt_core::material::Property;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
-    Coupler, Face, LoadError, Programme, Report, RunError, RunningCoupler, SavedState, Setup,
-    SetupError, Step, StepLimits, World, flattened,
+    Coupler, Face, LoadError, Report, RunError, RunningCoupler, SavedState, Setup, SetupError,
+    Step, StepLimits, World, flattened,
 };
 
+use super::ambient::{Ambient, AmbientTemperatures, RunningAmbient};
 use super::with_programme;
-use crate::InTime;
 use crate::surface::{OnSurface, SurfaceHeat, all_faces};
 
 /// Stefan-Boltzmann constant, W/(m² K⁴).
@@ -30,16 +30,16 @@ flattened! {
         /// of the material.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub emissivity: Option<Property>,
-        /// Temperature of the surroundings (K): a number, `{ time = [...], value = [...] }`, times in s, or a formula in the time
-        /// t (s), such as that of a fire, `"293.15 + fire_iso_834(t)"`.
-        pub ambient: InTime,
+        /// Temperature of the surroundings (K): a number, `{ time = [...], value = [...] }`, times in s, a formula in the time
+        /// t (s), such as that of a fire, `"293.15 + fire_iso_834(t)"`, or that of a body, `{ body = "gas" }`, near each point of the surface.
+        pub ambient: Ambient,
     }
 }
 
 /// A radiation that is ready to act.
 struct RunningRadiation {
     body: usize,
-    ambient: InTime,
+    ambient: RunningAmbient,
     heat: SurfaceHeat<RadiationLaw>,
 }
 
@@ -53,8 +53,8 @@ struct RadiationLaw {
     material: Vec<u16>,
     /// Version of the cell faces that `material` belongs to.
     version: Option<u64>,
-    /// Present temperature of the surroundings, K.
-    ambient: f64,
+    /// Present temperatures of the surroundings.
+    ambient: AmbientTemperatures,
     /// The highest one that is known in advance, K: that of numbers and tables.
     highest_ambient: f64,
 }
@@ -64,7 +64,8 @@ impl SurfaceLaw for RadiationLaw {
         let material = self.material.get(cell).copied().unwrap_or(0);
         let (emissivity, slope) = self.emissivity[material as usize].with_slope(temperature);
         let cube = temperature * temperature * temperature;
-        let square = self.ambient * self.ambient;
+        let ambient = self.ambient.at(cell);
+        let square = ambient * ambient;
         let difference = STEFAN_BOLTZMANN * (square * square - cube * temperature);
         SurfaceFlux {
             flux: emissivity * difference,
@@ -78,8 +79,9 @@ impl SurfaceLaw for RadiationLaw {
     }
 
     fn surroundings(&self) -> f64 {
-        match self.ambient > self.highest_ambient {
-            true => self.ambient,
+        let ambient = self.ambient.highest();
+        match ambient > self.highest_ambient {
+            true => ambient,
             false => 0.0,
         }
     }
@@ -118,16 +120,17 @@ impl Coupler for Radiation {
             emissivity,
             material: Vec::new(),
             version: None,
-            ambient: self.ambient.at(0.0),
+            ambient: self.ambient.first(),
             highest_ambient: ambients.iter().copied().fold(0.0, f64::max),
         };
+        let programme = self.ambient.programme();
+        let reach = self.ambient.prepare(setup, body, self.faces)?;
         let region = self.place.region.as_deref();
-        let heat = SurfaceHeat::prepare(setup, body, &self.faces, region, law)?;
-        let programme = Programme::of_values([("ambient", &self.ambient)]);
+        let heat = SurfaceHeat::prepare(setup, body, reach.place(region), law)?;
         setup.stepping(with_programme(programme));
         Ok(Box::new(RunningRadiation {
             body,
-            ambient: self.ambient,
+            ambient: reach.ambient,
             heat,
         }))
     }
@@ -137,7 +140,8 @@ impl RunningCoupler for RunningRadiation {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         self.heat.follow(world);
         let mut law = self.heat.law();
-        law.ambient = self.ambient.at(step.middle());
+        let around = self.heat.around();
+        self.ambient.update(world, step, around, &mut law.ambient);
         if law.emissivity.len() > 1 && law.version != Some(self.heat.version()) {
             law.version = Some(self.heat.version());
             let material = &world.body(self.body).material_of_point;
@@ -145,6 +149,14 @@ impl RunningCoupler for RunningRadiation {
             law.material = cells.iter().map(|c| material[c.point as usize]).collect();
         }
         Ok(())
+    }
+
+    /// The exchange does not limit steps itself, but the physics that evaluates it needs the first surroundings.
+    fn stable_step(&mut self, world: &World) -> Option<f64> {
+        let around = self.heat.around();
+        self.ambient
+            .begin(world, around, &mut self.heat.law().ambient);
+        None
     }
 
     fn step_limits(&self, time: f64) -> StepLimits {
@@ -160,7 +172,7 @@ impl RunningCoupler for RunningRadiation {
 
     /// The surroundings of the last step, on which the next stable step depends.
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(self.heat.law().ambient)
+        Box::new(self.heat.law().ambient.clone())
     }
 
     fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {

@@ -28,7 +28,7 @@ use perimelt_core::{
     World, flattened, keys,
 };
 
-use crate::surface::{OnSurface, SurfaceHeat};
+use crate::surface::{OnSurface, SurfaceHeat, SurfacePlace};
 
 flattened! {
     /// Heat that a moving water jet and its film take from a surface.
@@ -279,7 +279,9 @@ impl Coupler for WaterJet {
         };
         let heat = match through_plane {
             true => SurfaceHeat::through_plane(setup, body, region, law)?,
-            false => SurfaceHeat::prepare(setup, body, &self.faces, region, law)?,
+            false => {
+                SurfaceHeat::prepare(setup, body, SurfacePlace::new(&self.faces, region), law)?
+            }
         };
         let mut running = RunningWaterJet {
             flow: self.flow,

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::cell::Ref;
 
-use perimelt_core::solver::reduce::{norm, weighted_sum};
+use perimelt_core::solver::reduce::{norm, sum_of, weighted_sum};
 use perimelt_core::solver::{
     Implicit, KrylovMethod, Newton, NewtonOptions, Rkl2, SolverError, steady_state,
 };
@@ -151,6 +151,9 @@ impl Fields<'_> {
         };
         for _ in 0..steps {
             self.account.supply(dt * flow.evaluate(self.temperature));
+            if let Some(surface) = &mut flow.surface {
+                surface.give_during(dt, flow.volume);
+            }
             if let Some((refined, world)) = &mut refined {
                 let heat = refined.exchange(world, dt, flow.conduction);
                 self.account.supply(heat);
@@ -213,9 +216,15 @@ impl Fields<'_> {
         state.clear();
         state.extend_from_slice(self.enthalpy);
         state.push(0.0);
-        let work = take(&mut EnthalpyRate(flow), state)?;
+        let given = flow.surface.as_ref().map_or(0, |s| s.given.len());
+        state.resize(state.len() + given, 0.0);
+        let mut rate = EnthalpyRate(flow);
+        let work = take(&mut rate, state)?;
         let points = self.enthalpy.len();
         self.account.supply(state[points]);
+        if let Some(surface) = rate.0.surface {
+            surface.given.add(1.0, &state[points + 1..]);
+        }
         self.enthalpy.copy_from_slice(&state[..points]);
         let points = self.temperature.par_iter_mut().zip(&*self.enthalpy);
         let points = points.zip(matter.material);
@@ -240,6 +249,9 @@ impl RunningThermal {
     pub(super) fn integrate(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         self.start_step(world);
         let work = self.take_step(world, step)?;
+        if let Some(surface) = &mut self.surface {
+            self.heat.from_bodies += surface.take_from_surroundings(world);
+        }
         if let Some(refined) = &self.refined {
             refined.cover(
                 world,
@@ -257,6 +269,7 @@ impl RunningThermal {
         self.take_births(world);
         self.follow_fluids(world);
         self.take_carried_heat(world);
+        self.take_given_heat(world);
         self.hold_temperatures(world);
         self.follow_interfaces(world);
         self.follow_surface(world);
@@ -375,7 +388,11 @@ impl RunningThermal {
         let Some(carried) = self.fields.carried else {
             return;
         };
-        let carried = world.read(carried);
+        self.add_heat(world, &world.read(carried));
+    }
+
+    /// Adds heat to the points, J/m³.
+    fn add_heat(&self, world: &World, heat: &[f64]) {
         let mut temperature = world.write(self.fields.temperature);
         let mut enthalpy = world.write(self.fields.enthalpy);
         let fraction = self.fraction(world);
@@ -383,10 +400,24 @@ impl RunningThermal {
             &world.body(self.body).material_of_point,
             fraction.as_deref(),
         );
-        for (i, heat) in carried.iter().enumerate().filter(|(_, heat)| **heat != 0.0) {
+        for (i, heat) in heat.iter().enumerate().filter(|(_, heat)| **heat != 0.0) {
             enthalpy[i] += heat;
             temperature[i] = content.temperature(i, enthalpy[i], temperature[i]);
         }
+    }
+
+    /// Adds the heat that physics of other bodies gave since the last step.
+    fn take_given_heat(&mut self, world: &World) {
+        let Some(given) = self.fields.given else {
+            return;
+        };
+        let given = world.read(given);
+        let heat = sum_of([&given, &world.body(self.body).points.volume], |[q, v]| {
+            q * v
+        });
+        self.add_heat(world, &given);
+        self.heat.supply(heat);
+        self.heat.from_bodies += heat;
     }
 
     /// Sets the temperatures that boundaries prescribe.

@@ -47,6 +47,9 @@ mod control;
 mod faces;
 #[cfg(test)]
 mod flow_tests;
+mod given;
+#[cfg(test)]
+mod given_tests;
 mod growth;
 #[cfg(test)]
 mod growth_tests;
@@ -216,7 +219,10 @@ impl RunningPhysics for RunningThermal {
             self.find_stable_step(world);
         }
         let is_explicit = self.solver == ThermalSolver::Explicit;
-        self.stable_step.filter(|_| is_explicit)
+        let own = self.stable_step.filter(|_| is_explicit);
+        own.into_iter()
+            .chain(self.given_step(world))
+            .reduce(f64::min)
     }
 
     /// The step by the error in time, so that histories and other physics resolve the temperature.
@@ -292,6 +298,10 @@ impl RunningPhysics for RunningThermal {
         if faces.len() > 1 {
             reports.push(HeatedFace::total(faces));
             reports.push(Report::new("heat.layers", "W", self.through_layers));
+        }
+        if self.exchanges_with_bodies() {
+            let heat = self.heat.from_bodies;
+            reports.push(Report::new("heat.from_bodies", "J", heat));
         }
         reports.extend(self.growth.iter().flat_map(Growth::reports));
         reports.into()

@@ -93,6 +93,7 @@ impl Exchanging {
             depth: SurfaceDepth::Face,
             law: Rc::new(RefCell::new(law)),
             cells,
+            around: None,
             unread: UNREAD,
         };
         (setup.exchange(0, &keys::TEMPERATURE, new)).expect("an exchange");

@@ -20,7 +20,7 @@ use super::conductivity::{Directions, conductivities};
 use super::faces::HeatedFace;
 use super::growth::Growth;
 use super::integrate::Integrator;
-use super::keys::{Form, Surfaces, Thermal};
+use super::keys::{Form, Surfaces, Thermal, ThermalSolver};
 use super::kinds::{BondKeys, FormKeys, HeatOfFlow};
 use super::mixture::MixedFluids;
 use super::plies;
@@ -41,6 +41,8 @@ pub(super) struct HeatFields {
     pub(super) held: Option<Read<f64>>,
     /// Heat that a flow carried to each point, J/m³.
     pub(super) carried: Option<Read<f64>>,
+    /// Heat that physics of other bodies gave to each point, J/m³.
+    pub(super) given: Option<Read<f64>>,
 }
 
 impl HeatFields {
@@ -53,6 +55,7 @@ impl HeatFields {
             constraint: setup.consume_if_added(body, &keys::TEMPERATURE_CONSTRAINT)?,
             held: setup.consume_if_added(body, &keys::HELD_TEMPERATURE)?,
             carried: setup.take_if_added(body, &keys::CARRIED_HEAT)?,
+            given: setup.take_if_added(body, &keys::GIVEN_HEAT)?,
         })
     }
 }
@@ -133,6 +136,8 @@ impl RunningThermal {
             .transpose()?;
         let has_conductance = fields.conductance.is_some();
         let surface = prepare_surface(setup, body, family, &conduction, has_conductance, edges)?;
+        let is_two_way = surface.as_ref().is_some_and(|s| s.given.is_possible());
+        check_two_way(thermal.solver, is_two_way, fields.given.is_some())?;
         check_directions(&conduction, austenite.is_some(), surface.is_some())?;
         let fixed =
             fields.constraint.is_some() || surface.as_ref().is_some_and(Surface::has_conductance);
@@ -192,6 +197,20 @@ fn check_directions(
     )
 }
 
+/// Refuses steady states of bodies that give heat to each other: amounts belong to steps in time.
+fn check_two_way(
+    solver: ThermalSolver,
+    takes_from_others: bool,
+    gives_to_others: bool,
+) -> Result<(), SetupError> {
+    need(
+        !(takes_from_others || gives_to_others) || solver != ThermalSolver::Steady,
+        "solver",
+        "a two-way exchange moves amounts of heat between bodies in steps of time, of which a steady state has none",
+        "another `solver`, or `exchange = \"one_way\"` in the `ambient` of the boundaries",
+    )
+}
+
 /// Publishes the distances of the surface from the outermost points, and collects the exchanges of the surface.
 /// `has_conductance`: other bodies exchange heat through the surface. `edges`: see [`Operators`].
 fn prepare_surface(
@@ -216,7 +235,9 @@ fn prepare_surface(
         Some(edges) => SurfaceDistances::Layers(edges),
         None => SurfaceDistances::Directions(depth),
     };
-    Ok(Surface::new(exchanges, distances))
+    Surface::new(exchanges, distances)
+        .map(|surface| surface.with_surroundings(setup))
+        .transpose()
 }
 
 impl FormKeys {

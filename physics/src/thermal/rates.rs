@@ -1,9 +1,9 @@
 //! The rates that the solvers of the heat equation integrate or bring to zero.
 //!
-//! All solvers but forward Euler and the steady one advance the enthalpies together with one
-//! more component: the heat supplied so far (J), whose rate is the power of sources and
-//! boundaries. The scheme that integrates the state thereby integrates its account, and the
-//! balance holds to rounding.
+//! All solvers but forward Euler and the steady one advance the enthalpies together with
+//! more components: the heat supplied so far (J), whose rate is the power of sources and
+//! boundaries, and what of it other bodies gave through each part of the surface. The scheme that integrates the state thereby
+//! integrates its account, and the balance holds to rounding.
 
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::solver::reduce::{norm, sum_of, sum_points};
@@ -207,7 +207,7 @@ fn rounding(
     ROUNDING * squares.sqrt()
 }
 
-/// Enthalpies of all points, then the heat supplied; nonlinear in the enthalpy.
+/// Enthalpies of all points, then the heat supplied, then that given by other bodies; nonlinear in the enthalpy.
 pub(super) struct EnthalpyRate<'a>(pub(super) HeatFlow<'a>);
 
 impl Rhs for EnthalpyRate<'_> {
@@ -218,6 +218,9 @@ impl Rhs for EnthalpyRate<'_> {
         flow.by_point(state, &mut temperature, EnthalpyCurve::temperature);
         rate[points] = flow.evaluate(&temperature);
         flow.vectors.temperature = temperature;
+        if let Some(surface) = &flow.surface {
+            surface.given_powers(flow.volume, &mut rate[points + 1..]);
+        }
         rate[..points].copy_from_slice(bytemuck::cast_slice(&flow.conduction.rate));
         Ok(())
     }
@@ -268,6 +271,10 @@ impl Rhs for EnthalpyRate<'_> {
         change.for_each(|((change, v), capacity)| *change = v / capacity);
         if let Some(power) = (self.0).change(&base.temperature, &base.change, &base.gains) {
             out[points] = power;
+            if let Some(surface) = &self.0.surface {
+                let powers = &mut out[points + 1..];
+                surface.given_changes(&base.gains, &base.change, self.0.volume, powers);
+            }
             out[..points].copy_from_slice(bytemuck::cast_slice(&self.0.conduction.rate));
         } else if base.change.iter().all(|change| *change == 0.0) {
             out.fill(0.0);
@@ -282,6 +289,12 @@ impl Rhs for EnthalpyRate<'_> {
             let moved = moved.with_min_len(4096);
             moved.for_each(|(change, t)| *change = t + e * *change);
             out[points] = (flow.evaluate(&base.change) - base.rate[points]) / e;
+            if let Some(surface) = &flow.surface {
+                let powers = &mut out[points + 1..];
+                surface.given_powers(flow.volume, powers);
+                let powers = powers.iter_mut().zip(&base.rate[points + 1..]);
+                powers.for_each(|(power, base)| *power = (*power - base) / e);
+            }
             let rates = flow.conduction.rate.par_iter().zip(&base.rate);
             let rates = out.par_iter_mut().zip(rates).with_min_len(4096);
             rates.for_each(|(out, ([rate], base))| *out = (rate - base) / e);

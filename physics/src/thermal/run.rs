@@ -83,6 +83,8 @@ pub(super) struct HeatAccount {
     pub(super) supplied: f64,
     /// Sum of the absolute values of what was supplied in each step.
     pub(super) exchanged: f64,
+    /// What of `supplied` came from other bodies in two-way exchanges.
+    pub(super) from_bodies: f64,
 }
 
 impl HeatAccount {
@@ -330,6 +332,25 @@ impl RunningThermal {
         });
         self.exchange_limit = Some(ExchangeLimit { found_for, step });
         step
+    }
+
+    /// Whether other bodies give heat to this one, or take it.
+    pub(super) fn exchanges_with_bodies(&self) -> bool {
+        let takes = self.surface.as_ref().is_some_and(|s| s.given.is_possible());
+        takes || self.fields.given.is_some()
+    }
+
+    /// The longest step (s) of a two-way exchange with other bodies, which see each other's temperature at its start.
+    pub(super) fn given_step(&mut self, world: &World) -> Option<f64> {
+        self.follow_surface(world);
+        let surface = self.surface.as_mut().filter(|s| !s.given.is_empty())?;
+        let hottest = surface.hottest(&world.read::<f64>(self.fields.temperature.into()));
+        let body = world.body(self.body);
+        let largest = |point: usize, axis: usize| {
+            let material = body.material_of_point[point];
+            (self.conduction).largest_conductivity_along(point, axis, material)
+        };
+        Some(surface.given_step(hottest, largest, &body.points.volume))
     }
 
     /// Updates the faces through which the surface exchanges heat.

@@ -18,6 +18,7 @@ use perimelt_core::world::exchange::{Exchange, SurfaceDepth, SurfaceLaw};
 use perimelt_core::{Body, Face};
 use rayon::prelude::*;
 
+use super::given::GivenHeat;
 use super::points::ConductingPoints;
 
 /// Largest number of iterations for the temperature of a surface.
@@ -30,19 +31,21 @@ const CONVERGED: f64 = 1e-7;
 /// The exchanges of a body, by cell face.
 #[derive(Debug)]
 pub(super) struct Surface {
-    exchanges: Vec<Rc<Exchange>>,
+    pub(super) exchanges: Vec<Rc<Exchange>>,
     /// Versions of their cell faces that `faces` includes.
     versions: Vec<Option<u64>>,
     distances: SurfaceDistances,
     /// Faces in the order of their points.
-    faces: Vec<ExposedFace>,
+    pub(super) faces: Vec<ExposedFace>,
     /// Laws of all faces, face by face.
-    parts: Vec<FaceLaw>,
-    /// Heat through each face as last evaluated.
-    heat: Vec<FaceHeat>,
+    pub(super) parts: Vec<FaceLaw>,
+    /// Flux through each face as last evaluated.
+    pub(super) fluxes: Vec<SurfaceFlux>,
+    /// Heat that the surroundings give which are bodies.
+    pub(super) given: GivenHeat,
     is_linear: bool,
     /// How often the faces have changed.
-    changes: u64,
+    pub(super) changes: u64,
 }
 
 /// Distances of the surface from its points.
@@ -70,16 +73,16 @@ impl SurfaceDistances {
 
 /// A cell face through which heat flows.
 #[derive(Clone, Copy, Debug)]
-struct ExposedFace {
-    point: u32,
+pub(super) struct ExposedFace {
+    pub(super) point: u32,
     /// Axis of its normal.
-    axis: u8,
+    pub(super) axis: u8,
     /// Distance of the surface from the point, m.
-    depth: f64,
+    pub(super) depth: f64,
     /// Area over the volume of the point, 1/m.
-    area_over_volume: f64,
+    pub(super) area_over_volume: f64,
     /// First and last index (exclusive) of the laws that act on the face.
-    parts: [u32; 2],
+    pub(super) parts: [u32; 2],
 }
 
 impl ExposedFace {
@@ -91,32 +94,29 @@ impl ExposedFace {
 
 /// A law that acts on a face.
 #[derive(Clone, Copy, Debug)]
-struct FaceLaw {
-    exchange: u32,
+pub(super) struct FaceLaw {
+    pub(super) exchange: u32,
     /// Index of the face in the cells of the exchange.
-    cell: u32,
+    pub(super) cell: u32,
     /// Fraction of the area of the face.
-    fraction: f64,
+    pub(super) fraction: f64,
     /// Area, m².
     area: f64,
 }
 
-/// Heat that enters a point through a face, over the volume of the point.
-#[derive(Clone, Copy, Debug, Default)]
-struct FaceHeat {
-    /// Heat, W/m³.
-    heat: f64,
-    /// Derivative of the heat by the temperature of the point, W/(m³ K).
-    gain: f64,
-}
-
 /// A flux (W/m²) and its derivative by the temperature of the point (W/(m² K)).
 #[derive(Clone, Copy, Debug, Default)]
-struct SurfaceFlux {
+pub(super) struct SurfaceFlux {
     flux: f64,
     gain: f64,
     /// Temperature of the surface, K.
     temperature: f64,
+    /// Temperature at which the laws were last asked, K, and the change from there, with which the flux is linear.
+    pub(super) asked: f64,
+    pub(super) change: f64,
+    /// Derivative of the temperature of the surface by that of the point, without the slopes of the laws: the gain of a law is its slope
+    /// times this.
+    pub(super) transfer: f64,
 }
 
 impl Surface {
@@ -133,7 +133,8 @@ impl Surface {
             distances,
             faces: Vec::new(),
             parts: Vec::new(),
-            heat: Vec::new(),
+            fluxes: Vec::new(),
+            given: GivenHeat::default(),
             changes: 0,
         })
     }
@@ -207,7 +208,8 @@ impl Surface {
                 parts: [first, self.parts.len() as u32],
             });
         }
-        self.heat = vec![FaceHeat::default(); self.faces.len()];
+        self.fluxes = vec![SurfaceFlux::default(); self.faces.len()];
+        self.given.find(&self.faces, &self.parts, &self.exchanges);
     }
 
     /// Evaluates the heat through all faces.
@@ -215,36 +217,32 @@ impl Surface {
         let borrowed: Vec<_> = self.exchanges.iter().map(|e| e.law()).collect();
         let laws: Vec<&dyn SurfaceLaw> = borrowed.iter().map(|law| &**law).collect();
         let (parts, is_linear) = (&self.parts[..], self.is_linear);
-        let faces = self.heat.par_iter_mut().zip(&self.faces).with_min_len(512);
-        faces.for_each(|(heat, face)| {
-            let through = balance(
-                face.parts(parts),
-                &laws,
-                is_linear,
-                &HalfCell::of(face, points),
-            );
-            *heat = FaceHeat {
-                heat: face.area_over_volume * through.flux,
-                gain: face.area_over_volume * through.gain,
-            };
+        let faces = self.fluxes.par_iter_mut().zip(&self.faces);
+        faces.with_min_len(512).for_each(|(flux, face)| {
+            let half = HalfCell::of(face, points);
+            *flux = balance(face.parts(parts), &laws, is_linear, &half);
         });
     }
 
     /// Adds the heat of the last evaluation to the rates of the points (W/m³); returns its power, W.
     pub(super) fn add(&self, rate: &mut [[f64; 1]], volume: &[f64]) -> f64 {
         let mut power = 0.0;
-        for (face, heat) in self.faces.iter().zip(&self.heat) {
+        for (face, through) in self.faces.iter().zip(&self.fluxes) {
             let point = face.point as usize;
-            rate[point][0] += heat.heat;
-            power += heat.heat * volume[point];
+            let heat = face.area_over_volume * through.flux;
+            rate[point][0] += heat;
+            power += heat * volume[point];
         }
         power
     }
 
-    /// The derivatives of the heat through the faces by the temperatures of their points when last evaluated, W/(m³ K).
+    /// The derivatives of the heat through the faces by the temperatures of their points when last evaluated, W/(m³ K), then
+    /// those of the heat that other bodies give.
     pub(super) fn gains(&self, gains: &mut Vec<f64>) {
         gains.clear();
-        gains.extend(self.heat.iter().map(|h| h.gain));
+        let faces = self.faces.iter().zip(&self.fluxes);
+        gains.extend(faces.map(|(face, through)| face.area_over_volume * through.gain));
+        gains.extend(self.given_rates(|law, through| through.transfer * law.slope));
     }
 
     /// Adds the change of the heat for a `change` of the temperatures (K) to the rates; returns the change of the power.
@@ -267,9 +265,10 @@ impl Surface {
 
     /// Subtracts the gains of the last evaluation, over a capacity, from the diagonal of a tangent.
     pub(super) fn add_diagonal(&self, diagonal: &mut [f64], capacity: impl Fn(usize) -> f64) {
-        for (face, heat) in self.faces.iter().zip(&self.heat) {
+        for (face, through) in self.faces.iter().zip(&self.fluxes) {
             let point = face.point as usize;
-            diagonal[point] += heat.gain.min(0.0) / capacity(point);
+            let gain = face.area_over_volume * through.gain;
+            diagonal[point] += gain.min(0.0) / capacity(point);
         }
     }
 
@@ -394,6 +393,9 @@ fn balance(
             flux,
             gain,
             temperature,
+            asked: own,
+            change: 0.0,
+            transfer: 1.0,
         };
     }
     let mut conductance = half.points.conductivity_along(half.point, half.axis) / half.depth;
@@ -405,7 +407,9 @@ fn balance(
         let (flux, slope) = at(temperature);
         let surplus = flux + conductance * (base - temperature);
         // a boiling curve may rise faster than the half cell conducts
-        let change = surplus / (conductance - slope.min(0.5 * conductance));
+        let stiffness = conductance - slope.min(0.5 * conductance);
+        let change = surplus / stiffness;
+        let asked = temperature;
         temperature += change;
         if !is_melt && let Some((liquidus, melt_conductance)) = half.melt(temperature) {
             temperature = liquidus;
@@ -419,8 +423,11 @@ fn balance(
         }
         through = SurfaceFlux {
             flux: flux + slope * change,
-            gain: base_slope * conductance * slope / (conductance - slope.min(0.5 * conductance)),
+            gain: base_slope * conductance * slope / stiffness,
             temperature,
+            asked,
+            change,
+            transfer: base_slope * conductance / stiffness,
         };
         if is_linear || change.abs() <= CONVERGED * temperature.abs() {
             break;

@@ -97,6 +97,7 @@ impl Cooled {
             depth: SurfaceDepth::Face,
             law,
             cells,
+            around: None,
             unread: UNREAD,
         };
         setup
