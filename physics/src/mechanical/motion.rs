@@ -49,8 +49,11 @@ impl MechanicalRun {
             inverse_mass: &self.free_inverse_density,
         };
         let (positions, volumes) = (nodes.positions(body), nodes.volumes(body));
-        let loaded = [&loaded_body_force[..], body_force];
-        watch.work += half_work_of_change(volumes, loaded, motion.displacement);
+        let has_changed = !are_equal(loaded_body_force, body_force);
+        if has_changed {
+            let loads = [&loaded_body_force[..], body_force];
+            watch.work += half_work_of_change(volumes, loads, motion.displacement);
+        }
         let dynamics = SolidDynamics {
             rules: &rules,
             positions,
@@ -63,6 +66,7 @@ impl MechanicalRun {
             has_layers: self.solid.base().family().has_layers(),
             solid: &mut *self.solid,
             loaded: loaded_body_force,
+            has_changed,
             external_force,
             given,
             work: &mut watch.work,
@@ -238,6 +242,8 @@ struct SolidDynamics<'a> {
     has_layers: bool,
     /// The body force in the last force.
     loaded: &'a mut Vec<f64>,
+    /// Whether the body force differs from it.
+    has_changed: bool,
     /// Its sum at the displacement and the force of the moment, if it is known.
     external_force: &'a mut Option<Momentum>,
     given: &'a mut Momentum,
@@ -248,10 +254,16 @@ struct SolidDynamics<'a> {
 /// Half of the work of a body force that changes (N/m³, before and now), `-1/2 sum V (b_1 - b_0) . u`, J: that at one end
 /// of the step. Zero if there was none before.
 fn half_work_of_change(volume: &[f64], [before, now]: [&[f64]; 2], displacement: &[f64]) -> f64 {
-    if before.len() != now.len() || before == now {
+    if before.len() != now.len() {
         return 0.0;
     }
     0.5 * (work_of(volume, before, displacement) - work_of(volume, now, displacement))
+}
+
+/// Whether two vectors have the same length and entries.
+fn are_equal(a: &[f64], b: &[f64]) -> bool {
+    let [parts_of_a, parts_of_b] = [a, b].map(|vector| vector.par_chunks(4096));
+    a.len() == b.len() && parts_of_a.zip(parts_of_b).all(|(a, b)| a == b)
 }
 
 impl Dynamics for SolidDynamics<'_> {
@@ -261,9 +273,11 @@ impl Dynamics for SolidDynamics<'_> {
         let forces = force.par_iter_mut().zip(self.body_force);
         forces.with_min_len(4096).for_each(|(f, b)| *f += b);
         *self.external_force = None;
-        *self.work += half_work_of_change(self.volumes, [self.loaded, self.body_force], u);
-        self.loaded.clear();
-        self.loaded.extend_from_slice(self.body_force);
+        if std::mem::take(&mut self.has_changed) {
+            *self.work += half_work_of_change(self.volumes, [self.loaded, self.body_force], u);
+            let body_force = self.body_force.par_iter().copied().with_min_len(4096);
+            body_force.collect_into_vec(self.loaded);
+        }
         Ok(())
     }
 

@@ -116,16 +116,16 @@ impl<'a, const O: usize> Planes<'a, O> {
         unsafe { self.set::<N>(plane, slot, sums) };
     }
 
-    /// Takes the sum of a slot and leaves zero.
+    /// Takes the sums of `N` slots and leaves zeros.
     ///
     /// # Safety
-    /// No other thread accesses sums of this slot at the same time.
+    /// No other thread accesses sums of these slots at the same time.
     #[inline(always)]
-    pub(super) unsafe fn take(&self, plane: usize, slot: usize) -> f64 {
+    pub(super) unsafe fn take<const N: usize>(&self, plane: usize, slot: usize) -> [f64; N] {
         // SAFETY: the contract of the caller.
-        let [sum] = unsafe { self.get(plane, slot) };
+        let sums = unsafe { self.get(plane, slot) };
         // SAFETY: the contract of the caller.
-        unsafe { self.set(plane, slot, [0.0]) };
-        sum
+        unsafe { self.set(plane, slot, [0.0; N]) };
+        sums
     }
 }

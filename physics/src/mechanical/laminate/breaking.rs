@@ -88,7 +88,7 @@ impl Laminate {
             let (stretch, _) = self.interfaces[interface].across(
                 strained,
                 both.map(|p| self.displacement[p]),
-                both.map(|p| self.strain[p][2]),
+                both.map(|p| self.strain_across(p)),
             );
             let ratio = stretch / limits[point];
             if ratio >= 1.0 {

@@ -112,6 +112,7 @@ impl Interface {
     }
 
     /// Stretch across the plies between two points without its stress-free part, and the direction of their bond.
+    #[inline(always)]
     pub(super) fn across(
         &self,
         strained: Strained,
@@ -173,23 +174,42 @@ impl Laminate {
                 sum_parts(plane, &parts, PlyForce::<FINITE, BY_POINT>, out, added));
         }
         for number in 0..self.interfaces.len() {
-            self.sum_interface(number, strained);
+            self.sum_crossing(number, strained);
             let (lower, upper) = out.split_at_mut((number + 1) * points);
             let lower = lower[number * points..].par_iter_mut().with_min_len(4096);
             let thickness = [number, number + 1].map(|l| 1.0 / self.layers[l].thickness);
+            let across = self.pull_across(number, strained);
             let both = lower.zip(&mut upper[..points]).zip(&self.work.pairs);
-            both.for_each(|((lower, upper), force)| {
-                for axis in 0..3 {
-                    lower[axis] += thickness[0] * force[axis];
-                    upper[axis] += thickness[1] * force[3 + axis];
-                }
-            });
+            both.enumerate()
+                .for_each(|(point, ((lower, upper), force))| {
+                    let across = across(point);
+                    for axis in 0..3 {
+                        lower[axis] += thickness[0] * (force[axis] + across[axis]);
+                        upper[axis] += thickness[1] * (force[3 + axis] - across[axis]);
+                    }
+                });
         }
     }
 
     /// Forces of an interface on the points below and above it, per area, Pa.
     pub(super) fn sum_interface(&mut self, number: usize, strained: Strained) {
-        let points = self.points_of_layer();
+        self.sum_crossing(number, strained);
+        let mut sums = std::mem::take(&mut self.work.pairs);
+        let across = self.pull_across(number, strained);
+        let each = sums.par_iter_mut().enumerate().with_min_len(4096);
+        each.for_each(|(point, force)| {
+            let across = across(point);
+            for axis in 0..3 {
+                force[axis] += across[axis];
+                force[3 + axis] -= across[axis];
+            }
+        });
+        drop(across);
+        self.work.pairs = sums;
+    }
+
+    /// Forces of the pairs of crossing bonds of an interface.
+    fn sum_crossing(&mut self, number: usize, strained: Strained) {
         let interface = &self.interfaces[number];
         let inputs = interface.inputs(&self.layers[number], &self.layers[number + 1]);
         let (crossing, sums) = (interface.crossing, &mut self.work.pairs);
@@ -202,22 +222,32 @@ impl Laminate {
             broken,
             sums,
         ));
-        let (displacement, strain) = (&self.displacement, &self.strain);
-        let each = sums.par_iter_mut().enumerate().with_min_len(4096);
-        each.for_each(|(point, force)| {
+    }
+
+    /// The force of the bond across an interface on the lower one of the points above each other, per area, Pa.
+    fn pull_across(
+        &self,
+        number: usize,
+        strained: Strained,
+    ) -> impl Fn(usize) -> [f64; 3] + Sync + '_ {
+        let points = self.points_of_layer();
+        let interface = &self.interfaces[number];
+        let failure = self.failure.as_ref();
+        move |point| {
             if failure.is_some_and(|failure| failure.is_open(number, point)) {
-                return;
+                return [0.0; 3];
             }
             let both = [number * points + point, (number + 1) * points + point];
-            let free = both.map(|p| strain[p][2]);
-            let (stretch, direction) =
-                interface.across(strained, both.map(|p| displacement[p]), free);
-            for axis in 0..3 {
-                let pull = interface.modulus[point] * stretch * direction[axis];
-                force[axis] += pull;
-                force[3 + axis] -= pull;
-            }
-        });
+            let displacement = both.map(|p| self.displacement[p]);
+            let free = both.map(|p| self.strain_across(p));
+            let (stretch, direction) = interface.across(strained, displacement, free);
+            direction.map(|n| interface.modulus[point] * stretch * n)
+        }
+    }
+
+    /// Stress-free strain of a point across the plies.
+    pub(super) fn strain_across(&self, point: usize) -> f64 {
+        self.strain.get(point).map_or(0.0, |strain| strain[2])
     }
 
     /// Stress of each point: in the plane from its layer, across it the mean of the two interfaces beside it, which are
@@ -329,12 +359,12 @@ impl Laminate {
             let broken = failure.map(|failure| failure.of_interface(number));
             specialise!(FINITE = strained.finite =>
                 self.plane.sum_unbroken(&InterfaceEnergy::<FINITE>(crossing), inputs, broken, sums));
-            for (point, [sum]) in sums.iter().enumerate() {
+            for (point, [sum]) in self.work.scalars.iter().enumerate() {
                 let both = [number * points + point, (number + 1) * points + point];
                 let (stretch, _) = interface.across(
                     strained,
                     both.map(|p| self.displacement[p]),
-                    both.map(|p| self.strain[p][2]),
+                    both.map(|p| self.strain_across(p)),
                 );
                 let of_opening = match failure.is_some_and(|f| f.is_open(number, point)) {
                     true => 0.0,

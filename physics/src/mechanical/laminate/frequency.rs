@@ -14,8 +14,8 @@ use crate::plies::plane_direction;
 struct BesideInterface {
     /// Of displacements along x, y, z by themselves, N/m³.
     own: [f64; 3],
-    /// Largest sum of the absolute values of a row, N/m³.
-    row: f64,
+    /// Sums of the absolute values of the rows of x, y, z, N/m³.
+    rows: [f64; 3],
 }
 
 /// Constants by which bonds are stiff.
@@ -77,7 +77,8 @@ impl Laminate {
                     };
                     BesideInterface {
                         own: [*x, *y, z + opening],
-                        row: a.max(*b).max(c + 2.0 * opening),
+                        // shear depends on the mean of both deflections, opening on their difference
+                        rows: [*a, *b, c.max(2.0 * opening)],
                     }
                 };
                 sums.iter().enumerate().map(of_point).collect()
@@ -140,9 +141,10 @@ impl Laminate {
         self.blocks = blocks;
     }
 
-    /// A bound of the squares of the eigenfrequencies at any temperature: the sum of bounds of the layers and of the interfaces. That of a
-    /// layer is twice the largest eigenvalue of a diagonal block, as for a network of springs, and the springs of the dilatation
-    /// (`ordinary`); that of interfaces the largest sum of a row.
+    /// A bound of the squares of the eigenfrequencies at any temperature: the largest eigenvalue of the blocks on the diagonal of a matrix
+    /// that is nowhere less stiff. Twice the block of a layer bounds its bonds, as for a network of springs, beside the springs of the
+    /// dilatation (`ordinary`); the sums of the rows bound the interfaces (a symmetric matrix is no stiffer than the diagonal of the sums
+    /// of its absolute values).
     pub(super) fn largest_square(&mut self, density: &[f64]) -> f64 {
         let points = self.points_of_layer();
         let reduced = |state: &PlyState| state.constants.ply.reduced();
@@ -156,11 +158,13 @@ impl Laminate {
             let increment = largest_of(&|state| bonds.increment(reduced(state).of_bonds()));
             layer.load_fibres(&self.plane, |_| increment);
         }
-        let mut rows = vec![0.0; density.len()];
+        let mut rows = vec![[0.0; 3]; density.len()];
         for (number, beside) in self.beside_interfaces(At::Stiffest).enumerate() {
             for (point, beside) in beside.iter().enumerate() {
                 for layer in [number, number + 1] {
-                    rows[layer * points + point] += beside.row / self.layers[layer].thickness;
+                    let rows = &mut rows[layer * points + point];
+                    let thickness = self.layers[layer].thickness;
+                    (0..3).for_each(|axis| rows[axis] += beside.rows[axis] / thickness);
                 }
             }
         }
@@ -169,9 +173,10 @@ impl Laminate {
             for (point, [xx, yy, xy, weights]) in blocks.iter().enumerate() {
                 let point = number * points + point;
                 let dilatation = dilatation * weights;
-                let block = symmetric(&[xx + dilatation, yy + dilatation, 0.0, *xy, 0.0, 0.0]);
-                let in_plane = 2.0 * block.symmetric_eigenvalues().max();
-                largest = largest.max((in_plane + rows[point]) / density[point]);
+                let [x, y, z] = rows[point];
+                let [xx, yy] = [xx, yy].map(|along| 2.0 * (along + dilatation));
+                let block = symmetric(&[xx + x, yy + y, z, 2.0 * xy, 0.0, 0.0]);
+                largest = largest.max(block.symmetric_eigenvalues().max() / density[point]);
             }
         }
         self.load_constants();

@@ -46,30 +46,41 @@ struct Length {
     inverse: f64,
 }
 
-/// The stretch of a bond along `xi` (m) by the displacement `relative` of its end (m).
+/// The stretches of bonds along `xi` (m), all of one length, by the displacements `relative` of their ends (m).
 #[inline(always)]
-fn stretched<const FINITE: bool>(xi: [f64; 3], reference: Length, relative: [f64; 3]) -> Stretched {
+fn stretched<const FINITE: bool, const N: usize>(
+    xi: [[f64; 3]; N],
+    reference: Length,
+    relative: [[f64; 3]; N],
+) -> [Stretched; N] {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let Length { length, inverse } = reference;
     if FINITE {
-        let along: [f64; 3] = std::array::from_fn(|a| xi[a] + relative[a]);
-        let current = dot(along, along).max(f64::MIN_POSITIVE).sqrt();
-        let sum: [f64; 3] = std::array::from_fn(|a| xi[a] + along[a]);
-        // one division, which takes longer than all of the rest, for 1 / l and 1 / (l + l0)
-        let both = current + length;
-        let inverse_product = 1.0 / (current * both);
-        let inverse_current = inverse_product * both;
-        Stretched {
-            // (l^2 - l0^2) / (l + l0) avoids cancellation
-            stretch: dot(relative, sum) * (inverse_product * current) * inverse,
-            direction: along.map(|x| x * inverse_current),
-        }
+        let along: [[f64; 3]; N] =
+            std::array::from_fn(|n| std::array::from_fn(|a| xi[n][a] + relative[n][a]));
+        let current = along.map(|along| dot(along, along).max(f64::MIN_POSITIVE).sqrt());
+        // one division, which takes longer than all of the rest, for 1 / l and 1 / (l + l0) of all bonds
+        let product = current.map(|current| current * (current + length));
+        let inverse_of_all = 1.0 / product.iter().product::<f64>();
+        std::array::from_fn(|n| {
+            let others = (0..N).filter(|other| *other != n);
+            let inverse_product = others.fold(inverse_of_all, |sum, other| sum * product[other]);
+            let inverse_current = inverse_product * (current[n] + length);
+            let sum: [f64; 3] = std::array::from_fn(|a| xi[n][a] + along[n][a]);
+            Stretched {
+                // (l^2 - l0^2) / (l + l0) avoids cancellation
+                stretch: dot(relative[n], sum) * (inverse_product * current[n]) * inverse,
+                direction: along[n].map(|x| x * inverse_current),
+            }
+        })
     } else {
-        let direction = xi.map(|x| x * inverse);
-        Stretched {
-            stretch: dot(relative, direction) * inverse,
-            direction,
-        }
+        std::array::from_fn(|n| {
+            let direction = xi[n].map(|x| x * inverse);
+            Stretched {
+                stretch: dot(relative[n], direction) * inverse,
+                direction,
+            }
+        })
     }
 }
 
@@ -107,7 +118,7 @@ fn elastic<const FINITE: bool, const I: usize>(
         length: bond.length,
         inverse: bond.inverse_length,
     };
-    let stretched = stretched::<FINITE>([bond.xi[0], bond.xi[1], 0.0], length, relative);
+    let [stretched] = stretched::<FINITE, 1>([[bond.xi[0], bond.xi[1], 0.0]], length, [relative]);
     let [x, y] = plane_direction(bond);
     let free = |ends: &[f64; I]| {
         let [xx, yy, xy] = [ends[STRAIN], ends[STRAIN + 1], ends[STRAIN + 2]];
@@ -353,9 +364,9 @@ impl Crossing {
             inverse: 1.0 / length,
         };
         let up = std::array::from_fn(|a| other[3 + a] - own[a]);
-        let up = stretched::<FINITE>([x, y, d], reference, up);
         let down = std::array::from_fn(|a| own[3 + a] - other[a]);
-        let down = stretched::<FINITE>([-x, -y, d], reference, down);
+        let both = [[x, y, d], [-x, -y, d]];
+        let [up, down] = stretched::<FINITE, 2>(both, reference, [up, down]);
         let angle = angle_of_stretch * (up.stretch - down.stretch);
         CrossingPair {
             up,
@@ -456,6 +467,7 @@ impl<F: Fn(&Bond, &ShearInputs, &ShearInputs) -> f64 + Sync> BondKernel<SHEAR_IN
 }
 
 /// Stretch of the bond between two points above each other without its stress-free part, and its direction.
+#[inline(always)]
 pub(super) fn across(
     finite: bool,
     distance: f64,
@@ -467,9 +479,9 @@ pub(super) fn across(
         length: distance,
         inverse: 1.0 / distance,
     };
-    let Stretched { stretch, direction } = match finite {
-        true => stretched::<true>(xi, length, relative),
-        false => stretched::<false>(xi, length, relative),
+    let [Stretched { stretch, direction }] = match finite {
+        true => stretched::<true, 1>([xi], length, [relative]),
+        false => stretched::<false, 1>([xi], length, [relative]),
     };
     (stretch - free, direction)
 }

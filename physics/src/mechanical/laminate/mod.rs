@@ -102,7 +102,7 @@ pub struct Laminate {
     heights: Vec<f64>,
     /// By point and axis, m.
     displacement: Vec<[f64; 3]>,
-    /// Stress-free strain of each point: xx, yy, zz, xy, yz, zx.
+    /// Stress-free strain of each point: xx, yy, zz, xy, yz, zx; empty until there is one.
     strain: Vec<[f64; 6]>,
     /// Takes the place of the stress-free strain in a change of the force.
     zeros: SlotField,
@@ -251,7 +251,7 @@ impl Laminate {
             failure,
             heights: layers.layers().iter().map(|layer| layer.z).collect(),
             displacement: vec![[0.0; 3]; points],
-            strain: vec![[0.0; 6]; points],
+            strain: Vec::new(),
             zeros: SlotField::zeros(&plane),
             work: Work::new(layers.points_of_layer()),
             blocks: Vec::new(),

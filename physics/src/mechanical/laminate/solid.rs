@@ -42,6 +42,7 @@ impl Laminate {
     fn load_strain(&mut self) {
         let points = self.points_of_layer();
         let elastic = &self.base.elastic;
+        self.strain.resize(self.displacement.len(), [0.0; 6]);
         let strains = self.strain.par_iter_mut().enumerate();
         strains.for_each(|(point, strain)| {
             *strain = elastic.prescribed.get(point).copied().unwrap_or_default();
@@ -116,7 +117,8 @@ impl Solid for Laminate {
                 slots.load(&self.plane, values, Mirrored::Scalar);
             }
         }
-        self.displacement.copy_from_slice(nodes);
+        let nodes = nodes.par_iter().copied().with_min_len(4096);
+        nodes.collect_into_vec(&mut self.displacement);
     }
 
     fn deformation(&mut self) -> Deformation<'_> {

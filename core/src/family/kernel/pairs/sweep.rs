@@ -51,14 +51,25 @@ impl Family {
         let parts: Vec<&[BlockHead]> = pairs.ahead.blocks.head.chunks(CHUNK).collect();
         for_each(&parts, &|heads| {
             for head in *heads {
-                for lane in 0..head.len as usize {
-                    let (slot, point) = (head.slot as usize + lane, head.point as usize + lane);
-                    // SAFETY: every point is in one block, whose sums one thread takes after the sweep of all boxes.
-                    let sum = std::array::from_fn(|o| unsafe { sweep.planes.take(o, slot) });
-                    if point < self.points {
-                        // SAFETY: `output` has sums for each point of the family, and one thread sets them.
-                        unsafe { output.set(point, sum) }
-                    }
+                let (slot, point, len) =
+                    (head.slot as usize, head.point as usize, head.len as usize);
+                // SAFETY: every point is in one block, whose sums one thread takes after the sweep of all boxes; a whole block has no
+                // lanes of other blocks.
+                let sums: [[f64; BLOCK]; O] = match len {
+                    BLOCK => std::array::from_fn(|o| unsafe { sweep.planes.take(o, slot) }),
+                    _ => std::array::from_fn(|o| {
+                        let mut lanes = [0.0; BLOCK];
+                        for (lane, sum) in lanes.iter_mut().enumerate().take(len) {
+                            // SAFETY: as above.
+                            [*sum] = unsafe { sweep.planes.take(o, slot + lane) };
+                        }
+                        lanes
+                    }),
+                };
+                for lane in 0..len.min(self.points.saturating_sub(point)) {
+                    let sum = std::array::from_fn(|o| sums[o][lane]);
+                    // SAFETY: `output` has sums for each point of the family, and one thread sets them.
+                    unsafe { output.set(point + lane, sum) }
                 }
             }
         });
