@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use perimelt_core::Simulation;
-use perimelt_core::log::Writer;
+use perimelt_core::log::{Writer, memory_of_writing};
 use perimelt_core::simulation::Remaining;
 
 use super::Failure;
@@ -178,6 +178,11 @@ pub fn estimate(
         }
         from = to;
     }
+    let with_log = measured.recorder().is_some();
+    let of_log = match with_log {
+        true => 0,
+        false => memory_of_writing(size.state, size.checkpoint),
+    };
     let labels = simulation.physics_labels().map(String::from);
     let is_missing = |(work, left): &(&Work, &f64)| work.per_step() == 0.0 && **left > 0.0;
     let missing = measured.physics.iter().zip(&left);
@@ -187,8 +192,8 @@ pub fn estimate(
         duration,
         measured_until,
         is_finished,
-        with_log: measured.recorder().is_some(),
-        memory: peak_memory(),
+        with_log,
+        memory: peak_memory().map(|memory| memory + of_log as f64),
     })
 }
 

@@ -1,5 +1,6 @@
 //! Estimated size of a log.
 
+use std::io;
 use std::path::Path;
 
 use perimelt_core::Simulation;
@@ -24,6 +25,20 @@ pub struct LogSize {
     pub checkpoint: usize,
 }
 
+/// Counts bytes that are written.
+struct Counted(usize);
+
+impl io::Write for Counted {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0 += bytes.len();
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
 impl LogSize {
     /// Size of the log of a case from the present state on.
     ///
@@ -43,6 +58,8 @@ impl LogSize {
             let numbers = others + fields.iter().map(components).sum::<usize>();
             width * numbers * body.points.len()
         });
+        let mut checkpoint = Counted(0);
+        simulation.save_to(&mut checkpoint)?;
         let probes = case.build_probes(simulation)?;
         let columns: usize = probes.iter().map(|p| p.columns.len()).sum();
         let options = simulation.options();
@@ -55,7 +72,7 @@ impl LogSize {
             state: bodies.sum::<usize>() + 40 * columns,
             // they are written with states
             checkpoints: checkpoints.min(states as f64),
-            checkpoint: simulation.save()?.len(),
+            checkpoint: checkpoint.0,
         })
     }
 

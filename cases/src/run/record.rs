@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::Path;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
@@ -226,9 +227,9 @@ impl Recorder {
 
     /// Logs all data needed to resume.
     pub fn checkpoint(&mut self, simulation: &Simulation) -> Result<(), Failure> {
-        let state = simulation.save()?;
         let step = simulation.progress().macro_steps;
-        self.writer.checkpoint(simulation.time(), step, &state)?;
+        let save = |out: &mut dyn Write| -> Result<(), Failure> { Ok(simulation.save_to(out)?) };
+        self.writer.checkpoint(simulation.time(), step, save)?;
         self.writer.flush()?;
         self.plan_checkpoint(simulation.time());
         Ok(())

@@ -96,6 +96,8 @@ pub(super) struct BlockBuilder {
     /// Weights of the last block, which may still grow.
     open: Vec<Weights>,
     known: HashMap<Vec<[[u64; BLOCK]; 2]>, u32>,
+    /// Pattern of the last closed block.
+    last: u32,
 }
 
 impl BlockBuilder {
@@ -105,6 +107,7 @@ impl BlockBuilder {
             blocks: Blocks::of_stencil(stencil),
             open: vec![[[0.0; BLOCK]; 2]; stencil],
             known: HashMap::new(),
+            last: 0,
         }
     }
 
@@ -146,12 +149,19 @@ impl BlockBuilder {
         let Some(head) = self.blocks.head.last_mut() else {
             return;
         };
-        let bits = self.open.iter().map(|w| w.map(|w| w.map(f64::to_bits)));
-        let new = self.known.len() as u32;
-        head.pattern = *self.known.entry(bits.collect()).or_insert(new);
-        if head.pattern == new {
-            self.blocks.weights.extend(&self.open);
+        // most blocks are like the one before
+        let is_like_last =
+            self.blocks.weights[self.last as usize * self.blocks.stencil..].starts_with(&self.open);
+        if !is_like_last || self.known.is_empty() {
+            let bits = self.open.iter().map(|w| w.map(|w| w.map(f64::to_bits)));
+            let new = self.known.len() as u32;
+            let pattern = *self.known.entry(bits.collect()).or_insert(new);
+            if pattern == new {
+                self.blocks.weights.extend(&self.open);
+            }
+            self.last = pattern;
         }
+        head.pattern = self.last;
         self.open.fill([[0.0; BLOCK]; 2]);
     }
 

@@ -27,7 +27,7 @@
 //! **Size.** A message holds at most 2 GiB, the limit of protobuf libraries. A larger state is split:
 //! the first points are on `/<body>/points`, the next ones on `/<body>/points/2`, `/<body>/points/3`
 //! and so on, all with one `log_time`, so that a viewer shows them together when all of these topics
-//! are switched on. Checkpoints are split likewise, byte by byte. The part on the topic without a
+//! are switched on. Checkpoints are split likewise into parts of 64 MiB, byte by byte, and written while they are made. The part on the topic without a
 //! number is written last: where it is present, the state is complete. [`Log`] joins the parts.
 
 mod channels;
@@ -59,7 +59,9 @@ pub use follow::{Follow, RawMessage};
 pub use reader::Log;
 pub use scan::{Damage, Ending};
 pub use series::{Column, Entry, Series};
-pub use writer::{Destination, RunHeader, Writer, check_unused, leads_to, try_lock};
+pub use writer::{
+    Destination, RunHeader, Writer, check_unused, leads_to, memory_of_writing, try_lock,
+};
 
 /// One body at one time, as read back from a log.
 #[derive(Clone, Debug, PartialEq)]

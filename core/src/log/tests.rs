@@ -145,7 +145,10 @@ fn log_step(writer: &mut Writer, step: u64, points: usize) {
         .flat_map(|x| x.to_le_bytes())
         .collect();
     writer
-        .checkpoint(time, step, &state)
+        .checkpoint(time, step, |out| -> Result<(), LogError> {
+            out.write_all(&state).expect("is gathered");
+            Ok(())
+        })
         .expect("logs a checkpoint");
     writer.flush().expect("flushes");
 }

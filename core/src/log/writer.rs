@@ -1,6 +1,7 @@
 //! Writing the log of a run.
 
 mod channels;
+mod checkpoint_parts;
 mod destination;
 mod resume;
 
@@ -15,6 +16,8 @@ use std::{
 use mcap::{Compression, McapError, WriteOptions, records::MessageHeader};
 use serde_json::{Value, json};
 
+use checkpoint_parts::CheckpointParts;
+pub use checkpoint_parts::memory_of_writing;
 use destination::lock;
 pub use destination::{Destination, check_unused, leads_to, try_lock};
 
@@ -253,17 +256,21 @@ impl Writer {
         self.json(topic::PROGRESS, progress.time, &message)
     }
 
-    /// Logs all data needed to resume after `step` macro steps.
+    /// Logs all data needed to resume after `step` macro steps, which `save` writes.
     ///
     /// # Errors
-    /// The file cannot be written.
-    pub fn checkpoint(&mut self, time: f64, step: u64, state: &[u8]) -> Result<(), LogError> {
+    /// Those of `save`, or the file cannot be written.
+    pub fn checkpoint<E: From<LogError>>(
+        &mut self,
+        time: f64,
+        step: u64,
+        save: impl FnOnce(&mut dyn Write) -> Result<(), E>,
+    ) -> Result<(), E> {
         let log_time = self.log_time(topic::CHECKPOINT, time)?;
         self.index(topic::CHECKPOINT, time, Some(step))?;
-        for (part, range) in parts(state.len(), self.part_bytes) {
-            self.write_part(topic::CHECKPOINT, part, log_time, &state[range])?;
-        }
-        Ok(())
+        let mut parts = CheckpointParts::new(self, log_time);
+        let saved = save(&mut parts);
+        parts.finish(saved)
     }
 
     /// Ends the chunk and hands everything to the operating system: what was logged up to here

@@ -1,36 +1,65 @@
 //! Checkpoints: everything needed to go on bit by bit; and the copies that repeated passes start from.
 
+use std::cell::Ref;
+use std::io;
+
 use serde::de::IgnoredAny;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer, ser};
+use serde_bytes::{ByteBuf, Bytes};
 
 use super::{ClockState, Ready, Simulation};
 use crate::error::RunError;
-use crate::field::FieldIndex;
+use crate::field::{Data, FieldIndex};
 use crate::plugin::{RunningCoupler, RunningPhysics};
 use crate::stepping::{Step, Update};
 
 /// Values of the owned fields of a physics, and its packed internal state.
 pub(super) type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);
 
-#[derive(Serialize, Deserialize)]
-struct SavedField {
-    body: usize,
-    name: String,
-    #[serde(with = "serde_bytes")]
-    values: Vec<u8>,
-}
-
 /// Version of the layout of checkpoints, those of plugins included.
 const FORMAT: u32 = 10;
 
+/// A field with its values as bytes, little-endian.
 #[derive(Serialize, Deserialize)]
-struct Checkpoint {
+struct SavedField<V> {
+    body: usize,
+    name: String,
+    values: V,
+}
+
+/// What is saved, with the values of fields and the states of plugins as bytes.
+#[derive(Serialize, Deserialize)]
+struct Checkpoint<V, S> {
     clock: ClockState,
-    fields: Vec<SavedField>,
-    physics: Vec<serde_bytes::ByteBuf>,
-    couplers: Vec<serde_bytes::ByteBuf>,
+    fields: Vec<SavedField<V>>,
+    physics: Vec<S>,
+    couplers: Vec<S>,
     /// Where the rows of moving families were found, m.
     rows_found_at: Vec<Vec<nalgebra::Vector3<f64>>>,
+}
+
+/// The values of a field, to be written from where they are.
+struct FieldValues<'a>(Ref<'a, Data>);
+
+impl Serialize for FieldValues<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let values = self.0.flat();
+        if cfg!(target_endian = "little") {
+            return serializer.serialize_bytes(bytemuck::cast_slice(values));
+        }
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        serializer.serialize_bytes(&bytes)
+    }
+}
+
+/// The state of a plugin, packed when it is written.
+struct PluginState<'a>(Box<dyn erased_serde::Serialize + 'a>);
+
+impl Serialize for PluginState<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let packed = pack(&*self.0).map_err(ser::Error::custom)?;
+        Bytes::new(&packed).serialize(serializer)
+    }
 }
 
 impl Simulation {
@@ -71,15 +100,12 @@ impl Simulation {
         physics.load(&self.world, &mut erased).map_err(broken)
     }
 
-    pub(super) fn save_couplers(&self) -> Result<Vec<serde_bytes::ByteBuf>, RunError> {
+    pub(super) fn save_couplers(&self) -> Result<Vec<ByteBuf>, RunError> {
         let save = |c: &Ready<dyn RunningCoupler>| Ok(pack(&*c.plugin.save())?.into());
         self.couplers.iter().map(save).collect()
     }
 
-    pub(super) fn restore_couplers(
-        &mut self,
-        saved: &[serde_bytes::ByteBuf],
-    ) -> Result<(), RunError> {
+    pub(super) fn restore_couplers(&mut self, saved: &[ByteBuf]) -> Result<(), RunError> {
         for (c, state) in self.couplers.iter_mut().zip(saved) {
             let mut source = rmp_serde::Deserializer::from_read_ref(state);
             let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
@@ -89,33 +115,37 @@ impl Simulation {
         Ok(())
     }
 
-    /// Everything needed to go on, bit by bit.
+    /// Writes everything needed to go on, bit by bit.
     ///
     /// # Errors
-    /// When a plugin's state cannot be serialised.
-    pub fn save(&self) -> Result<Vec<u8>, RunError> {
+    /// When a plugin's state cannot be serialised, or `out` cannot be written.
+    pub fn save_to(&self, mut out: &mut dyn io::Write) -> Result<(), RunError> {
         let fields = self.lasting().map(|f| SavedField {
             body: f.body,
             name: f.name.clone(),
-            values: f
-                .data()
-                .flat()
-                .iter()
-                .flat_map(|v| v.to_le_bytes())
-                .collect(),
+            values: FieldValues(f.data()),
         });
+        let physics = self.physics.iter().map(|p| PluginState(p.plugin.save()));
+        let couplers = self.couplers.iter().map(|c| PluginState(c.plugin.save()));
         let checkpoint = Checkpoint {
             clock: self.clock.clone(),
             fields: fields.collect(),
-            physics: self
-                .physics
-                .iter()
-                .map(|p| Ok(pack(&*p.plugin.save())?.into()))
-                .collect::<Result<_, RunError>>()?,
-            couplers: self.save_couplers()?,
+            physics: physics.collect(),
+            couplers: couplers.collect(),
             rows_found_at: self.world.rows_found_at(),
         };
-        rmp_serde::to_vec(&(FORMAT, checkpoint)).map_err(|e| RunError::Checkpoint(e.to_string()))
+        let written = rmp_serde::encode::write(&mut out, &(FORMAT, checkpoint));
+        written.map_err(|e| RunError::Checkpoint(e.to_string()))
+    }
+
+    /// What [`Simulation::save_to`] writes.
+    ///
+    /// # Errors
+    /// See [`Simulation::save_to`].
+    pub fn save(&self) -> Result<Vec<u8>, RunError> {
+        let mut bytes = Vec::new();
+        self.save_to(&mut bytes)?;
+        Ok(bytes)
     }
 
     /// Restores what [`Simulation::save`] gave, instead of [`Simulation::start`].
@@ -130,14 +160,14 @@ impl Simulation {
                            run again";
             return Err(misfit(message.into()));
         }
-        let (_, saved): (u32, Checkpoint) =
+        let (_, saved): (u32, Checkpoint<ByteBuf, ByteBuf>) =
             rmp_serde::from_slice(checkpoint).map_err(|e| misfit(e.to_string()))?;
         if saved.physics.len() != self.physics.len() || saved.couplers.len() != self.couplers.len()
         {
             return Err(misfit("it has other plugins".into()));
         }
         self.check_clock(&saved.clock).map_err(misfit)?;
-        let named = |f: &SavedField| (f.body, f.name.clone());
+        let named = |f: &SavedField<ByteBuf>| (f.body, f.name.clone());
         let mut present: Vec<_> = saved.fields.iter().map(named).collect();
         let mut expected: Vec<_> = self.lasting().map(|f| (f.body, f.name.clone())).collect();
         present.sort();

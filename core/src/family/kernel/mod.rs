@@ -230,8 +230,12 @@ impl Family {
             );
             return self.sum_pairs(kernel, pairs, inputs, &output);
         }
+        let common = match const { K::RARE } {
+            true => self.sums_of_complete(kernel, inputs.values),
+            false => None,
+        };
         for_each(&self.chunks, &|chunk| {
-            self.sweep(kernel, inputs, &output, chunk);
+            self.sweep(kernel, inputs, &output, chunk, common);
         });
         let unborn = self.store.growth().map_or(&[][..], GrowingBonds::unborn);
         for point in unborn.iter().flat_map(Span::points) {
@@ -305,12 +309,34 @@ impl Family {
         }
     }
 
+    /// The sums that all complete families of a lattice have where the inputs are the same at all points and ghosts.
+    fn sums_of_complete<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: &[&[f64]; I],
+    ) -> Option<[f64; O]> {
+        let first = self.store.stencil_bonds()?.runs.first()?;
+        let own = inputs_at(inputs, first.slot as usize);
+        let points = self.slots.points.spans().par_iter();
+        let is_own = |slots: Range<usize>| {
+            let mut both = inputs.iter().zip(own);
+            both.all(|(input, own)| input[slots.clone()].iter().all(|value| *value == own))
+        };
+        let one = |slot: u32| is_own(slot as usize..slot as usize + 1);
+        let is_uniform = points.all(|s| is_own(s.slot as usize..(s.slot + s.len) as usize))
+            && self.slots.ghosts.par_iter().all(|ghost| one(ghost.slot))
+            && self.slots.remote.par_iter().all(|&(slot, _)| one(slot));
+        is_uniform.then(|| self.sum_bonds(kernel, inputs, first.point as usize, Bits::NONE))
+    }
+
+    /// `common` are the sums of complete families, where these are all the same.
     fn sweep_plainly<const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
         inputs: SweepInputs<'_, I>,
         output: &Output<'_, O>,
         chunk: &Chunk,
+        common: Option<[f64; O]>,
     ) {
         // SAFETY: points of a chunk are points of the family, for each of which `output` has sums, and no other chunk
         // contains them.
@@ -329,9 +355,14 @@ impl Family {
             }
             Store::Lattice(bonds, _) | Store::Growing(bonds, _) => {
                 let heads = bonds.blocks.head[chunk.blocks.clone()].iter();
-                let runs = bonds.runs[chunk.runs.clone()].iter().map(Span::points);
-                let points = heads.map(BlockHead::points).chain(runs);
-                points.flatten().for_each(alone);
+                heads.flat_map(BlockHead::points).for_each(alone);
+                let runs = bonds.runs[chunk.runs.clone()].iter();
+                for point in runs.flat_map(Span::points) {
+                    match common {
+                        Some(sums) if inputs.is_whole(point..point + 1) => set(point, sums),
+                        _ => alone(point),
+                    }
+                }
             }
             // each point has a row
             Store::List(..) => chunk.rows.clone().for_each(alone),
@@ -364,15 +395,18 @@ impl Family {
         inputs: SweepInputs<'_, I>,
         output: &Output<'_, O>,
         chunk: &Chunk,
+        common: Option<[f64; O]>,
     ) {
         if const { K::RARE } {
-            return self.sweep_plainly(kernel, inputs, output, chunk);
+            return self.sweep_plainly(kernel, inputs, output, chunk, common);
         }
         match &self.store {
             Store::Cloud(cloud) | Store::Moving(cloud, _) => {
                 #[cfg(target_arch = "x86_64")]
                 match instructions::used() {
-                    InstructionSet::Baseline => self.sweep_plainly(kernel, inputs, output, chunk),
+                    InstructionSet::Baseline => {
+                        self.sweep_plainly(kernel, inputs, output, chunk, None)
+                    }
                     // the gather instructions of AVX-512 are slower than single loads
                     InstructionSet::Avx512 | InstructionSet::Avx2 => {
                         // SAFETY: the instruction set was detected.
@@ -382,13 +416,15 @@ impl Family {
                 #[cfg(not(target_arch = "x86_64"))]
                 sweep_cloud(cloud, kernel, inputs, output, chunk);
             }
-            Store::List(..) => self.sweep_plainly(kernel, inputs, output, chunk),
+            Store::List(..) => self.sweep_plainly(kernel, inputs, output, chunk, None),
             Store::Lattice(bonds, _) | Store::Growing(bonds, _) => {
                 let family = self;
                 let sweep = LatticeSweep { family, bonds };
                 #[cfg(target_arch = "x86_64")]
                 match instructions::used() {
-                    InstructionSet::Baseline => self.sweep_plainly(kernel, inputs, output, chunk),
+                    InstructionSet::Baseline => {
+                        self.sweep_plainly(kernel, inputs, output, chunk, None)
+                    }
                     // paired kernels use AVX2: only bodies that are too narrow for pairs are swept here
                     InstructionSet::Avx512 if const { K::PAIRED == 0 } => {
                         // SAFETY: the instruction set was detected.

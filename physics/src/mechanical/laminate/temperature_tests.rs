@@ -64,7 +64,7 @@ fn heated_plate() -> Body {
 }
 
 fn set_free_strain(laminate: &mut Laminate, factor: f64) {
-    let points = laminate.strain.len();
+    let points = laminate.displacement.len();
     let strain: Vec<[f64; 6]> = noise(6 * points)
         .chunks(6)
         .map(|c| std::array::from_fn(|i| if i < 4 { factor * c[i] } else { 0.0 }))
