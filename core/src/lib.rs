@@ -76,7 +76,7 @@ pub use world::activity::ActivityChanges;
 pub use world::changes::{Change, Changes};
 pub use world::configuration::{Configuration, Description, PointMover};
 pub use world::facts::{Fact, FactRule};
-pub use world::families::FamilyHandle;
+pub use world::families::{FamilyHandle, FamilySize};
 pub use world::{Wall, World};
 
 // for the registration macros

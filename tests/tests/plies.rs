@@ -228,3 +228,18 @@ fn heat_of_plies() {
     }
     insta::assert_snapshot!(told.join("\n\n"));
 }
+
+/// `check` and the tables of results tell the bonds of laminates: those in each of the four layers and those between them.
+#[test]
+fn bonds_of_laminates_are_counted() {
+    let text = changed(PLATE, "law.lamina = {}\n", "law.lamina = {}\nhorizon = 3\n");
+    let (_, simulation) = start("plate.toml", text).unwrap_or_else(|e| panic!("{e:?}"));
+    // 10 x 10 points: each offset within the horizon leads from the points that have such a neighbour
+    let offsets = (-3..=3_i32).flat_map(|i| (-3..=3_i32).map(move |j| [i, j]));
+    let within = offsets.filter(|[i, j]| (1..=9).contains(&(i * i + j * j)));
+    let plane: i32 = within.map(|[i, j]| (10 - i.abs()) * (10 - j.abs())).sum();
+    let plane = plane as usize;
+    let above_each_other = 2 * 100;
+    let bonds: Vec<usize> = simulation.family_sizes().iter().map(|f| f.bonds).collect();
+    assert_eq!(bonds, [4 * plane + 3 * (2 * plane + above_each_other)]);
+}

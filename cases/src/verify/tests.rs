@@ -254,9 +254,12 @@ fn tips_and_places_over_time_are_of_the_states_that_are_asked_for() {
         "initial.temperature = 300",
         "initial.temperature = '300 + 20 * (0.5 + 0.5 * tanh((x - 0.007) / 1e-5))'",
     );
-    let all = outcomes(&[("warm", heated_bar(8000.0, &of("warm"))), ("spot", spot)]);
+    // the tip at (2.5 mm, 0.5 m) lies above a start that is 2 m below it and 2 m to its left
+    let angle = format!("{tip}, angle_from = [-1.9975, -1.5] }}");
+    let warm = of("warm") + &check("angle", &angle, 45.0);
+    let all = outcomes(&[("warm", heated_bar(8000.0, &warm)), ("spot", spot)]);
     let checks: Vec<_> = all.iter().filter(|o| !is_audit(o)).collect();
-    assert_eq!(checks.len(), 8);
+    assert_eq!(checks.len(), 9);
     for outcome in checks {
         assert!(outcome.passed, "{outcome:?}");
     }

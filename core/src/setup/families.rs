@@ -3,7 +3,7 @@
 use super::{FamilyRequest, Setup};
 use crate::error::SetupError;
 use crate::family::{self, Family, FamilyError, FamilySpec};
-use crate::world::families::{FamilyHandle, WorldFamily};
+use crate::world::families::{FamilyHandle, FamilySize, WorldFamily};
 use crate::world::{BodyIndex, BondBreaker, Breaker};
 
 impl Setup<'_> {
@@ -45,7 +45,14 @@ impl Setup<'_> {
         self.check_support(body)?;
         self.warn_of_gaps(body, spec);
         let family = self.world.build_growing(body, spec);
-        family.map_err(|e| self.family_error(body, e))
+        let family = family.map_err(|e| self.family_error(body, e))?;
+        self.count_family(FamilySize::of(body, &family));
+        Ok(family)
+    }
+
+    /// Counts the bonds of a body that the calling plugin made and keeps for itself, for [`Simulation::family_sizes`](crate::simulation::Simulation::family_sizes).
+    pub fn count_family(&mut self, size: FamilySize) {
+        self.kept_families.push(size);
     }
 
     /// Warns of gaps and jumps of spacing that the family of a growing body bridges; those of other families are searched

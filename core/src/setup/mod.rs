@@ -27,6 +27,7 @@ use crate::family::FamilySpec;
 use crate::stepping::Stepping;
 use crate::world::changes::{Change, Changes};
 use crate::world::facts::{Fact, FactRule};
+use crate::world::families::FamilySize;
 use crate::world::{BodyIndex, World};
 
 pub use access::{Access, Declaration, ExpectedGift};
@@ -90,6 +91,8 @@ pub struct Declared {
     pub(crate) notes: Vec<Warning>,
     /// Families of points that stay.
     pub(crate) requests: Vec<FamilyRequest>,
+    /// Sizes of families that plugins keep for themselves.
+    pub(crate) kept_families: Vec<FamilySize>,
 }
 
 /// Handed to each plugin in turn.
@@ -105,6 +108,8 @@ pub struct Setup<'w> {
     warnings: Vec<Warning>,
     /// What the user may want to know, and is no mistake.
     notes: Vec<Warning>,
+    /// Sizes of families that plugins keep for themselves.
+    kept_families: Vec<FamilySize>,
     /// What couplers share, with their names.
     shared: Vec<(String, Rc<dyn Any>)>,
 }
@@ -129,6 +134,7 @@ impl<'w> Setup<'w> {
             refused: Vec::new(),
             warnings: Vec::new(),
             notes: Vec::new(),
+            kept_families: Vec::new(),
             shared: Vec::new(),
         }
     }
@@ -313,6 +319,7 @@ impl<'w> Setup<'w> {
             declarations: self.declarations,
             warnings: self.warnings,
             notes: self.notes,
+            kept_families: self.kept_families,
         })
     }
 }

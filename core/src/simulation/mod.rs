@@ -31,7 +31,6 @@ pub use remaining::Remaining;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::body::Horizon;
 use crate::error::{Problem, RunError};
 use crate::family;
 use crate::plugin::{Balance, Report, RunningCoupler, RunningPhysics};
@@ -40,6 +39,7 @@ use crate::schedule::Plan;
 use crate::setup::{FamilyRequest, Warning};
 use crate::stepping::{Step, StepSize, Stepping};
 use crate::world::World;
+use crate::world::families::FamilySize;
 
 /// A plugin with the name that messages use.
 pub struct Named<P: ?Sized> {
@@ -155,19 +155,6 @@ pub struct Simulation {
     wall: Vec<f64>,
 }
 
-/// Size of a family, for `check`.
-#[derive(Clone, Debug)]
-pub struct FamilySize {
-    /// The body.
-    pub body: usize,
-    /// Horizon, m.
-    pub horizon: Horizon,
-    /// Directed bonds.
-    pub bonds: usize,
-    /// Bytes held.
-    pub memory: usize,
-}
-
 impl Simulation {
     /// What the user may want to know about the set-up and is no mistake, such as faces that a boundary leaves out.
     pub fn notes(&self) -> &[Warning] {
@@ -214,7 +201,7 @@ impl Simulation {
         self.couplers.iter().map(|c| c.label.as_str())
     }
 
-    /// Families by size.
+    /// Sizes of the families of all bodies, also of those that plugins keep for themselves.
     pub fn family_sizes(&self) -> &[FamilySize] {
         &self.family_sizes
     }

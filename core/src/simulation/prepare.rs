@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use super::{ClockState, FamilySize, Named, Ready, Simulation, TimeOptions};
+use super::{ClockState, Named, Ready, Simulation, TimeOptions};
 use crate::error::{Problem, SetupError};
 use crate::plugin::{Coupler, Physics, RunningCoupler, RunningPhysics, supported};
 use crate::schedule::Plan;
 use crate::setup::Setup;
 use crate::stepping::{Stepping, Update};
 use crate::world::World;
+use crate::world::families::FamilySize;
 
 /// Mistakes of a composition, each with the plugin at fault.
 pub type Faults = Vec<(Culprit, SetupError)>;
@@ -55,13 +56,9 @@ impl Simulation {
         let mut declared = setup
             .finish()
             .map_err(|mistakes| mistakes.into_iter().map(at).collect::<Faults>())?;
-        let family_sizes = world.families().map(|(of, family)| FamilySize {
-            body: of.body,
-            horizon: family.spec().horizon,
-            bonds: family.bonds(),
-            memory: family.memory(),
-        });
-        let family_sizes = family_sizes.collect();
+        let families = world.families();
+        let sizes = families.map(|(of, family)| FamilySize::of(of.body, &family));
+        let family_sizes = sizes.chain(declared.kept_families.drain(..)).collect();
         let body_of_field: Vec<usize> = world.fields.iter().map(|f| f.body).collect();
         let plan = Plan::derive(
             couplers.len(),

@@ -8,13 +8,38 @@ use nalgebra::Vector3;
 use super::activity::ActivityChanges;
 use super::configuration::Configuration;
 use super::{BodyIndex, World};
-use crate::body::Body;
+use crate::body::{Body, Horizon};
 use crate::family::{Family, FamilyError, FamilySpec, skin};
 use crate::neighbours::FoundAt;
 
 /// A family of a body, owned by the [`World`]: [`World::family`] gives it as it is at the time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FamilyHandle(pub(crate) usize);
+
+/// Size of a family.
+#[derive(Clone, Debug)]
+pub struct FamilySize {
+    /// The body.
+    pub body: BodyIndex,
+    /// The horizon.
+    pub horizon: Horizon,
+    /// Directed bonds.
+    pub bonds: usize,
+    /// Bytes held.
+    pub memory: usize,
+}
+
+impl FamilySize {
+    /// That of a family of the points of a body.
+    pub fn of(body: BodyIndex, family: &Family) -> FamilySize {
+        FamilySize {
+            body,
+            horizon: family.spec().horizon,
+            bonds: family.bonds(),
+            memory: family.memory(),
+        }
+    }
+}
 
 /// A family with its request.
 #[derive(Debug)]

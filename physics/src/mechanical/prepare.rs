@@ -6,7 +6,7 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::solver::Verlet;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Body, Correction, Face, Family, FamilySpec, Horizon, Setup, SetupError, World, keys,
+    Body, Correction, Face, Family, FamilySize, FamilySpec, Horizon, Setup, SetupError, World, keys,
 };
 
 use super::energy::Energy;
@@ -15,7 +15,7 @@ use super::fields::{Features, Fields, LawState};
 use super::fracture::{Criterion, Fracture};
 use super::growth;
 use super::keys::{Formulation, Kinematics, Mechanical};
-use super::laminate::PlyStrength;
+use super::laminate::{PlyStrength, bonds_of_layers};
 use super::law::{ChosenLaw, Parts};
 use super::moduli::Elasticity;
 use super::momentum::Balanced;
@@ -246,7 +246,11 @@ fn family(
     let this = setup.body(body);
     if let Some(layers) = this.layers() {
         let plane = Family::build(layers.plane(), &spec);
-        return Ok(Arc::new(plane.map_err(|e| SetupError::new("horizon", e))?));
+        let plane = plane.map_err(|e| SetupError::new("horizon", e))?;
+        let bonds = bonds_of_layers(layers.layers().len(), &plane);
+        let size = FamilySize::of(body, &plane);
+        setup.count_family(FamilySize { bonds, ..size });
+        return Ok(Arc::new(plane));
     }
     if setup.world().is_growing(body) {
         return Ok(Arc::new(setup.own_family(body, &spec)?));

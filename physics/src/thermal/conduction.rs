@@ -37,7 +37,7 @@ use super::plies::ConductingPlies;
 use super::states::{OrdinaryState, StateFlow};
 use derivatives::SecondDerivatives;
 pub(super) use ply_flow::PlyBonds;
-use ply_flow::PlyFlow;
+use ply_flow::{MixedPlies, PlyFlow};
 
 /// The conduction operator with its work arrays.
 #[derive(Debug)]
@@ -106,7 +106,7 @@ enum BondConductivity {
     Mixed,
     /// The conductivities and gradients of their ends, in the ordinary form.
     States,
-    /// The potentials of the three conductivities of plies.
+    /// The potentials of the three conductivities of plies, of one material or several.
     Plies,
 }
 
@@ -119,6 +119,7 @@ enum KernelInputs<'a> {
     Mixed([&'a [f64]; 5]),
     States(StateFlow, [&'a [f64]; 5]),
     Plies([&'a [f64]; 3]),
+    PliesOfMaterials([&'a [f64]; 9]),
 }
 
 /// Family, boundary rules and materials of a body.
@@ -192,7 +193,7 @@ impl Conduction {
     pub(super) fn by_plies(body: &Body, layers: &Layers, plies: &ConductingPlies) -> Self {
         let points = body.points.len();
         let mut conduction = Conduction::by_bonds(&plies.family, Vec::new(), points, 1.0);
-        conduction.plies = Some(PlyFlow::new(plies.conductivity.clone(), layers));
+        conduction.plies = Some(PlyFlow::new(plies, layers));
         conduction
     }
 
@@ -360,6 +361,9 @@ impl Conduction {
             KernelInputs::Plies(inputs) => {
                 family.sum_unbroken(&PlyBonds, inputs, broken, &mut rate);
             }
+            KernelInputs::PliesOfMaterials(inputs) => {
+                family.sum_unbroken(&MixedPlies, inputs, broken, &mut rate);
+            }
         }
         self.rate = rate;
     }
@@ -386,7 +390,7 @@ impl Conduction {
             }
             BondConductivity::Plies => {
                 let plies = self.plies.as_ref().expect("loaded from them");
-                KernelInputs::Plies(plies.inputs())
+                plies.inputs()
             }
             BondConductivity::Mixed => KernelInputs::Mixed([
                 temperature,
@@ -413,7 +417,7 @@ impl Conduction {
             KernelInputs::Mixed(inputs) => family.sum_from_layers(&Mixed, inputs, add),
             KernelInputs::States(kernel, inputs) => family.sum_from_layers(&kernel, inputs, add),
             // layers of plies end
-            KernelInputs::Plies(_) => {}
+            KernelInputs::Plies(_) | KernelInputs::PliesOfMaterials(_) => {}
         }
         total
     }

@@ -77,7 +77,7 @@ pub(super) struct MaterialPoints<'a> {
 }
 
 /// Distances of points from interfaces.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Interfaces {
     /// Distance of each point, m; one where no bond leads to another material.
     distance: Vec<f64>,
@@ -88,6 +88,20 @@ impl Interfaces {
     pub(super) fn new(points: usize) -> Interfaces {
         Interfaces {
             distance: vec![1.0; points],
+            slots: SlotField::default(),
+        }
+    }
+
+    /// Those of the layers of a laminate, by the family of their plane: bonds between layers do not count.
+    pub(super) fn of_layers(plane: &Family, points: MaterialPoints<'_>) -> Interfaces {
+        let number = plane.points();
+        let layers = (points.material.chunks(number)).zip(points.spacing.chunks(number));
+        let in_layer = |(material, spacing)| {
+            let points = MaterialPoints { material, spacing };
+            (0..number).map(move |p| distance(plane, points, p, |slot| plane.point_in(slot)))
+        };
+        Interfaces {
+            distance: layers.flat_map(in_layer).collect(),
             slots: SlotField::default(),
         }
     }

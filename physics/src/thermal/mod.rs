@@ -67,6 +67,8 @@ mod plies;
 #[cfg(test)]
 mod plies_tests;
 #[cfg(test)]
+mod ply_materials_tests;
+#[cfg(test)]
 mod ply_surface_tests;
 mod points;
 mod prepare;

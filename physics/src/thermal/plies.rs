@@ -12,7 +12,13 @@
 //! over a disc, which is off by the sum over the disc where plies are thinner than the spacing.
 //!
 //! C is linear in k2 and k1 - k2: a bond has a weight for each ([`PointBond`]), and conductivities may depend on the temperature.
+//!
+//! Each point has the conductivities of its material. The parts of a bond in two materials conduct in series: between layers by the distances of
+//! the layers from the plane where their cells meet, within a layer as in other bodies ([`interfaces`](super::interfaces)). Across plies the resistance is exact.
+//! Within a layer it is exact with a horizon of one spacing, or where C has the same ratio in all directions; otherwise what fibres conduct along the
+//! interface, within a horizon, acts on the flux across it.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use perimelt_core::body::{Layer, Layers};
@@ -20,8 +26,9 @@ use perimelt_core::family::PointBond;
 use perimelt_core::material::{Directional, EnthalpyCurve, HeatPotential, Property};
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::solver::reduce::max_abs;
-use perimelt_core::{Body, Family, FamilySpec, SetupError, text};
+use perimelt_core::{Body, Face, Family, FamilySpec, SetupError, text};
 
+use super::interfaces::{Interfaces, MaterialPoints};
 use super::surface_depth::{DEEP, DEVIATING, deviation_of};
 use crate::plies::{
     CompleteFamily, TensorBonds, fibre_factors, is_along, plane_direction, turned, uncut,
@@ -58,20 +65,65 @@ enum Excess {
 /// The family by which a laminate conducts.
 pub(super) struct ConductingPlies {
     pub(super) family: Family,
-    pub(super) conductivity: PlyConductivity,
+    /// By material.
+    pub(super) conductivity: Vec<PlyConductivity>,
+    /// Distances of points from other materials in their layers, where there are several materials.
+    pub(super) interfaces: Option<Interfaces>,
     /// Distances of the edges of each layer across x and y from its outermost points, in spacings.
     pub(super) edges: Vec<[f64; 2]>,
 }
 
-impl PlyConductivity {
-    fn of(body: &Body, found: &[Directional<Property>]) -> Result<Self, SetupError> {
-        let [conductivity] = found else {
-            let message = format!("body `{}` has plies of several materials", body.name);
-            let expected = "one material for all plies";
-            return Err(SetupError::value("conductivity", message, expected));
+/// The materials of layers.
+struct LayerMatter<'a> {
+    layers: &'a Layers,
+    conductivity: &'a [PlyConductivity],
+    /// Of the points of each layer.
+    materials: Vec<BTreeSet<u16>>,
+}
+
+impl<'a> LayerMatter<'a> {
+    fn new(body: &Body, layers: &'a Layers, conductivity: &'a [PlyConductivity]) -> Self {
+        let of_layers = body.material_of_point.chunks(layers.points_of_layer());
+        let materials = of_layers.map(|layer| layer.iter().copied().collect());
+        LayerMatter {
+            layers,
+            conductivity,
+            materials: materials.collect(),
+        }
+    }
+
+    /// Angle of the fibres of a layer, rad.
+    fn angle(&self, layer: usize) -> f64 {
+        self.layers.plies()[self.layers.layers()[layer].ply].angle
+    }
+
+    fn materials(&self, layer: usize) -> Vec<&'a PlyConductivity> {
+        let own = self.materials[layer].iter();
+        own.map(|m| &self.conductivity[*m as usize]).collect()
+    }
+
+    /// Distances of the edges of each layer across x and y, by their distance at an angle of the fibres and with materials.
+    fn edges(&self, distance: impl Fn(f64, &[&PlyConductivity]) -> f64) -> Vec<[f64; 2]> {
+        // layers of one ply mostly have the same materials
+        let mut known = BTreeMap::new();
+        let of_layer = |(number, layer): (usize, &Layer)| {
+            let key = (layer.ply, &self.materials[number]);
+            let edge = |from: f64| distance(self.angle(number) - from, &self.materials(number));
+            let edges = || [edge(0.0), edge(std::f64::consts::FRAC_PI_2)];
+            *known.entry(key).or_insert_with(edges)
         };
-        let axes = [0, 1, 2].map(|axis| conductivity.along(axis).clone());
-        Ok(PlyConductivity(axes))
+        self.layers
+            .layers()
+            .iter()
+            .enumerate()
+            .map(of_layer)
+            .collect()
+    }
+}
+
+impl PlyConductivity {
+    fn of(conductivity: &Directional<Property>) -> Self {
+        PlyConductivity([0, 1, 2].map(|axis| conductivity.along(axis).clone()))
     }
 
     pub(super) fn is_constant(&self) -> bool {
@@ -125,12 +177,12 @@ impl ConductingBonds {
         family: &CompleteFamily,
         uncut: &Family,
         angle: f64,
-        conductivity: &PlyConductivity,
+        materials: &[&PlyConductivity],
     ) -> Result<Self, SetupError> {
         let (sin, cos) = angle.sin_cos();
         let fibre = [cos, sin];
         let row = family.moment_along(fibre);
-        let rows = conductivity.in_plane();
+        let rows: Vec<[f64; 2]> = materials.iter().flat_map(|k| k.in_plane()).collect();
         let has_increment = row > 0.0 && rows.iter().all(|[along, across]| along >= across);
         // the moments have a factor of one half
         let by = |values| TensorBonds::new(family, &(0.5 * turned(fibre, values)));
@@ -203,14 +255,14 @@ fn negative_bonds(angle: f64, [along, across]: [f64; 2], rows: &[[f64; 2]]) -> S
     SetupError::value("conductivity", message, expected)
 }
 
-/// Distance of an edge of a ply from its outermost points, in spacings, across an axis from which the fibres run at an angle (rad), with the
-/// means of the conductivities: see [`surface_depth`](super::surface_depth).
+/// Distance of an edge of a layer from its outermost points, in spacings, across an axis from which the fibres run at an angle (rad), with the
+/// means of the conductivities of its materials: see [`surface_depth`](super::surface_depth).
 fn edge_depth(
     complete: &CompleteFamily,
     spec: &FamilySpec,
     spacing: f64,
     angle: f64,
-    conductivity: &PlyConductivity,
+    materials: &[&PlyConductivity],
 ) -> Option<f64> {
     let reach = (spec.horizon.of(spacing) / spacing).ceil().max(1.0) as usize;
     // the neighbours of the middle row are complete across it
@@ -221,8 +273,12 @@ fn edge_depth(
     });
     let plane = Body::fill("half plane", &shape, 2, spacing, 1.0).ok()?;
     let family = Family::build(&plane, spec).ok()?;
-    let bonds = ConductingBonds::new(complete, &family, angle, conductivity).ok()?;
-    let [along, across, _] = conductivity.mean();
+    let bonds = ConductingBonds::new(complete, &family, angle, materials).ok()?;
+    let mut means = [0.0; 3];
+    for mean in materials.iter().map(|k| k.mean()) {
+        (0..3).for_each(|axis| means[axis] += mean[axis] / materials.len() as f64);
+    }
+    let [along, across, _] = means;
     let (sin, cos) = angle.sin_cos();
     let normal = turned([cos, sin], [along, across])[(0, 0)];
     let position = &plane.points.position;
@@ -250,7 +306,7 @@ fn edge_depth(
 /// The family by which a laminate conducts.
 ///
 /// # Errors
-/// Plies of several materials, conductivities that would make bonds negative, a periodic body, a horizon that reaches no point.
+/// Conductivities that would make bonds negative, a periodic body, a horizon that reaches no point.
 pub(super) fn family(
     body: &Body,
     layers: &Layers,
@@ -262,29 +318,36 @@ pub(super) fn family(
         let expected = "a body with a `layup` that is not `periodic`, which ends insulated";
         return Err(SetupError::value("body", message, expected));
     }
-    let conductivity = PlyConductivity::of(body, found)?;
+    let conductivity: Vec<PlyConductivity> = found.iter().map(PlyConductivity::of).collect();
     let of_family = |e| SetupError::new("horizon", e);
     let plane = Arc::new(Family::build(layers.plane(), spec).map_err(of_family)?);
     let uncut = uncut(layers.plane(), &plane).map_err(of_family)?;
     let spacing = body.finest_spacing();
     let complete = CompleteFamily::new(spacing, spec).map_err(of_family)?;
-    let bonds_of = |layer: &Layer| {
-        let angle = layers.plies()[layer.ply].angle;
-        ConductingBonds::new(&complete, &uncut, angle, &conductivity)
-    };
-    let bonds: Result<Vec<ConductingBonds>, SetupError> =
-        layers.layers().iter().map(bonds_of).collect();
-    let bonds = bonds?;
     let points = layers.points_of_layer();
+    let matter = LayerMatter::new(body, layers, &conductivity);
+    let bonds_of = |layer: usize| {
+        let (angle, materials) = (matter.angle(layer), matter.materials(layer));
+        ConductingBonds::new(&complete, &uncut, angle, &materials)
+    };
+    let numbers = 0..layers.layers().len();
+    let bonds: Result<Vec<ConductingBonds>, SetupError> = numbers.map(bonds_of).collect();
+    let bonds = bonds?;
     let row = |point: usize| {
         let (layer, number) = layers.place(point);
         let mut row = Vec::new();
         // in series: half of 1 / (d R) per thickness is the weight times the conductivity over the distance
         let across = 0.5 / layers.layers()[layer].thickness;
         let mut beside = |other: usize| {
+            let face = if other > layer {
+                Face::ZMax
+            } else {
+                Face::ZMin
+            };
+            let distance = (layers.layers()[other].z - layers.layers()[layer].z).abs();
             row.push(PointBond {
                 other: (other * points + number) as u32,
-                weights: [across, 0.0],
+                weights: [across, body.face_distance(point, face) / distance],
             });
         };
         layer.checked_sub(1).into_iter().for_each(&mut beside);
@@ -304,19 +367,18 @@ pub(super) fn family(
         row
     };
     let family = Family::of_bonds(body, spec, row);
-    let quarter = std::f64::consts::FRAC_PI_2;
-    let edge =
-        |angle: f64| edge_depth(&complete, spec, spacing, angle, &conductivity).unwrap_or(0.5);
-    let of_ply: Vec<[f64; 2]> = (layers.plies().iter())
-        .map(|ply| [edge(ply.angle), edge(ply.angle - quarter)])
-        .collect();
+    let edges = matter.edges(|angle, materials| {
+        edge_depth(&complete, spec, spacing, angle, materials).unwrap_or(0.5)
+    });
+    let points = MaterialPoints {
+        material: &body.material_of_point,
+        spacing: &body.points.spacing,
+    };
+    let has_several = conductivity.len() > 1;
     Ok(ConductingPlies {
         family,
+        interfaces: has_several.then(|| Interfaces::of_layers(&plane, points)),
+        edges,
         conductivity,
-        edges: layers
-            .layers()
-            .iter()
-            .map(|layer| of_ply[layer.ply])
-            .collect(),
     })
 }

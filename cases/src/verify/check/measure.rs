@@ -214,6 +214,9 @@ flattened! {
         pub above: f64,
         /// Direction in which the farthest point is taken.
         pub along: [f64; 3],
+        /// Where a crack starts, m: gives the angle of the line from there to the tip from x towards y, degrees, in place of the position.
+        #[serde(default)]
+        pub angle_from: Option<[f64; 2]>,
     }
 }
 

@@ -174,6 +174,7 @@ fn tip(m: &TipMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
         component: found.component(None)?,
         above: m.above,
         along: direction(m.along, "measure.tip.along")?,
+        angle_from: m.angle_from,
     })
 }
 

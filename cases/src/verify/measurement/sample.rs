@@ -55,6 +55,7 @@ pub(super) enum Sampler {
         component: Component,
         above: f64,
         along: Vector3<f64>,
+        angle_from: Option<[f64; 2]>,
     },
     Statistic {
         probe: Probe,
@@ -218,11 +219,16 @@ impl Sampler {
                 component,
                 above,
                 along,
+                angle_from,
             } => {
                 let body = world.body(*body);
                 let points = present(0..body.points.len(), *component, world);
                 let beyond = points.filter(|&p| component.at(world, p) > *above);
-                place_of_largest(body, beyond, |p| body.points.position[p].dot(along))?
+                let tip = place_of_largest(body, beyond, |p| body.points.position[p].dot(along))?;
+                match angle_from {
+                    Some([x, y]) => vec![(tip[1] - y).atan2(tip[0] - x).to_degrees()],
+                    None => tip,
+                }
             }
             Sampler::History { .. }
             | Sampler::Crossing { .. }

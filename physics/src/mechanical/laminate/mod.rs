@@ -136,6 +136,12 @@ impl Work {
     }
 }
 
+/// Directed bonds of a number of layers: those of each plane, and, between two of them, those of points above each other and the crossing ones.
+pub(super) fn bonds_of_layers(layers: usize, plane: &Family) -> usize {
+    let across = 2 * (plane.points() + plane.bonds());
+    layers * plane.bonds() + layers.saturating_sub(1) * across
+}
+
 /// What is wrong with a ply in a state whose bonds have no positive stiffness.
 fn refusal(layers: &Layers, layer: &Layer, state: &PlyState, reason: NoBonds) -> SetupError {
     let angle = text::number(layers.plies()[layer.ply].angle.to_degrees(), 5);

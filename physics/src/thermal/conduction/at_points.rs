@@ -39,7 +39,7 @@ impl Conduction {
         liquid: f64,
     ) -> f64 {
         match &self.plies {
-            Some(plies) => plies.along(point, axis, temperature, liquid),
+            Some(plies) => plies.along(point, axis, material, temperature, liquid),
             None => self.conductivity(point, material, temperature, liquid),
         }
     }
@@ -53,7 +53,7 @@ impl Conduction {
         temperature: f64,
     ) -> f64 {
         match &self.plies {
-            Some(plies) => plies.along(point, axis, temperature, 1.0),
+            Some(plies) => plies.along(point, axis, material, temperature, 1.0),
             None => self.conductivity[material as usize].at(temperature, 1.0),
         }
     }
@@ -66,7 +66,7 @@ impl Conduction {
         material: u16,
     ) -> f64 {
         match &self.plies {
-            Some(plies) => plies.largest_along(point, axis),
+            Some(plies) => plies.largest_along(point, axis, material),
             None => self.largest[material as usize],
         }
     }

@@ -8,7 +8,7 @@ use super::{BondConductivity, Conduction, Matter};
 impl Conduction {
     /// Fills the slots so that [`Conduction::flow`] gives the derivative of the flow along a change of the temperature (K) at a
     /// temperature (K): the flow of the potential `k(T) dT`, which continues behind faces by the homogeneous part of their rules.
-    /// Returns false, without an effect, where the flow is not that of one potential: between materials, in powder, in the
+    /// Returns false, without an effect, where the flow is not that of one potential: between materials, also of plies, in powder, in the
     /// ordinary form and with second derivatives.
     pub(in crate::thermal) fn load_change(
         &mut self,
@@ -18,8 +18,7 @@ impl Conduction {
     ) -> bool {
         if let Some(plies) = &mut self.plies {
             self.loaded = BondConductivity::Plies;
-            plies.load_change(matter, temperature, change);
-            return true;
+            return plies.load_change(matter, temperature, change);
         }
         if ![BondConductivity::Uniform, BondConductivity::Potential]
             .contains(&self.bond_conductivity())

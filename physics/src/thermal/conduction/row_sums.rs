@@ -29,7 +29,7 @@ impl Conduction {
         material: &[u16],
     ) -> Vec<[f64; 1]> {
         if let Some(plies) = &self.plies {
-            return plies.largest_row_sums(family);
+            return plies.largest_row_sums(family, material);
         }
         let broken = self.broken.as_ref();
         let stiffness = self
