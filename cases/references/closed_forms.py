@@ -7,7 +7,7 @@ The formulas are on `docs/theory/closed_forms.md`, in the same order; names begi
 Prints all numbers in SI units; temperatures in K.
 """
 
-from math import acos, cos, exp, pi, radians, sin, sqrt
+from math import acos, cos, exp, inf, pi, radians, sin, sqrt
 
 import numpy as np
 from scipy.integrate import quad
@@ -390,16 +390,25 @@ def fluids() -> dict[str, float]:
     }
 
 
-def drop_on_wall(angle: float, radius: float, layer: float, dimension: int) -> tuple[float, float]:
-    """Content and height of the centroid of a drop whose arc has this radius, and whose fraction changes over a layer."""
+def drop_on_wall(angle: float, radius: float, layer: float, dimension: int, cylinder: float = inf) -> tuple[float, float]:
+    """Content and height of the centroid of a drop whose arc has this radius, and whose fraction changes over a layer.
+
+    Above a plane wall, or above the axis of a cylinder of the radius `cylinder` on whose top the drop lies.
+    """
+    curved = cylinder < inf
     centre = -radius * cos(angle)
-    start, end, parts = max(0.0, -centre), radius + 40 * layer, 4000
+    if curved:
+        centre = sqrt(cylinder**2 + radius**2 - 2 * cylinder * radius * cos(angle))
+    nearest = abs(cylinder - centre) if curved else max(0.0, -centre)
+    start = 0.0 if curved and centre > cylinder else nearest
+    end, parts = radius + 40 * layer, 4000
     step = (end - start) / parts
     content = moment = 0.0
     for part in range(parts):
         r = start + (part + 0.5) * step
         fraction = 1 / (1 + exp((r - radius) / layer))
-        half = acos(max(-1.0, min(1.0, -centre / r)))
+        edge = (cylinder**2 - centre**2 - r**2) / (2 * centre * r) if curved else -centre / r
+        half = acos(max(-1.0, min(1.0, edge)))
         if dimension == 2:
             area, lever = 2 * half * r, 2 * r * (centre * half + r * sin(half))
         else:
@@ -423,6 +432,13 @@ def wetting() -> dict[str, float]:
             angle = radians(degrees)
             radius = brentq(lambda r, a=angle: drop_on_wall(a, r, layer, dimension)[0] - content, 0.3, 20)
             found[f"{name}-{degrees}: height of the centre, m"] = drop_on_wall(angle, radius, layer, dimension)[1]
+    layer, cylinder = 0.75 * 0.05, 1.5
+    content, _ = drop_on_wall(pi / 2, 0.89, layer, 2, cylinder)
+    for degrees in (60, 120):
+        angle = radians(degrees)
+        radius = brentq(lambda r, a=angle: drop_on_wall(a, r, layer, 2, cylinder)[0] - content, 0.3, 3)
+        _, height = drop_on_wall(angle, radius, layer, 2, cylinder)
+        found[f"two-fluids-wetting-cylinder-{degrees}: height of the centre, m"] = height
     return found
 
 

@@ -69,8 +69,8 @@ pub(super) struct ConductingPlies {
     pub(super) conductivity: Vec<PlyConductivity>,
     /// Distances of points from other materials in their layers, where there are several materials.
     pub(super) interfaces: Option<Interfaces>,
-    /// Distances of the edges of each layer across x and y from its outermost points, in spacings.
-    pub(super) edges: Vec<[f64; 2]>,
+    /// By layer and material, distances of the edges across x and y from the outermost points, in spacings.
+    pub(super) edges: Vec<Vec<[f64; 2]>>,
 }
 
 /// The materials of layers.
@@ -102,21 +102,27 @@ impl<'a> LayerMatter<'a> {
         own.map(|m| &self.conductivity[*m as usize]).collect()
     }
 
-    /// Distances of the edges of each layer across x and y, by their distance at an angle of the fibres and with materials.
-    fn edges(&self, distance: impl Fn(f64, &[&PlyConductivity]) -> f64) -> Vec<[f64; 2]> {
+    /// By layer and material, the distances of the edges across x and y: `distance` is that with an angle of the fibres between the bonds of some
+    /// materials at a point of one of them.
+    fn edges(
+        &self,
+        distance: impl Fn(f64, &[&PlyConductivity], &PlyConductivity) -> f64,
+    ) -> Vec<Vec<[f64; 2]>> {
         // layers of one ply mostly have the same materials
         let mut known = BTreeMap::new();
-        let of_layer = |(number, layer): (usize, &Layer)| {
+        let mut of_layer = |(number, layer): (usize, &Layer)| {
             let key = (layer.ply, &self.materials[number]);
-            let edge = |from: f64| distance(self.angle(number) - from, &self.materials(number));
-            let edges = || [edge(0.0), edge(std::f64::consts::FRAC_PI_2)];
-            *known.entry(key).or_insert_with(edges)
+            let materials = self.materials(number);
+            let edge = |own, from| distance(self.angle(number) - from, &materials, own);
+            let both = |own| [0.0, std::f64::consts::FRAC_PI_2].map(|from| edge(own, from));
+            let edges = || self.conductivity.iter().map(both).collect::<Vec<_>>();
+            known.entry(key).or_insert_with(edges).clone()
         };
         self.layers
             .layers()
             .iter()
             .enumerate()
-            .map(of_layer)
+            .map(&mut of_layer)
             .collect()
     }
 }
@@ -255,14 +261,15 @@ fn negative_bonds(angle: f64, [along, across]: [f64; 2], rows: &[[f64; 2]]) -> S
     SetupError::value("conductivity", message, expected)
 }
 
-/// Distance of an edge of a layer from its outermost points, in spacings, across an axis from which the fibres run at an angle (rad), with the
-/// means of the conductivities of its materials: see [`surface_depth`](super::surface_depth).
+/// Distance of an edge of a layer from outermost points of a material, in spacings, across an axis from which the fibres run at an angle (rad),
+/// with the bonds of the `materials` of the layer: see [`surface_depth`](super::surface_depth).
 fn edge_depth(
     complete: &CompleteFamily,
     spec: &FamilySpec,
     spacing: f64,
     angle: f64,
     materials: &[&PlyConductivity],
+    own: &PlyConductivity,
 ) -> Option<f64> {
     let reach = (spec.horizon.of(spacing) / spacing).ceil().max(1.0) as usize;
     // the neighbours of the middle row are complete across it
@@ -274,11 +281,7 @@ fn edge_depth(
     let plane = Body::fill("half plane", &shape, 2, spacing, 1.0).ok()?;
     let family = Family::build(&plane, spec).ok()?;
     let bonds = ConductingBonds::new(complete, &family, angle, materials).ok()?;
-    let mut means = [0.0; 3];
-    for mean in materials.iter().map(|k| k.mean()) {
-        (0..3).for_each(|axis| means[axis] += mean[axis] / materials.len() as f64);
-    }
-    let [along, across, _] = means;
+    let [along, across, _] = own.mean();
     let (sin, cos) = angle.sin_cos();
     let normal = turned([cos, sin], [along, across])[(0, 0)];
     let position = &plane.points.position;
@@ -367,8 +370,8 @@ pub(super) fn family(
         row
     };
     let family = Family::of_bonds(body, spec, row);
-    let edges = matter.edges(|angle, materials| {
-        edge_depth(&complete, spec, spacing, angle, materials).unwrap_or(0.5)
+    let edges = matter.edges(|angle, materials, own| {
+        edge_depth(&complete, spec, spacing, angle, materials, own).unwrap_or(0.5)
     });
     let points = MaterialPoints {
         material: &body.material_of_point,

@@ -72,7 +72,7 @@ struct Operators {
     family: FamilyHandle,
     conduction: Conduction,
     /// Of plies, the distances of their edges from the outermost points.
-    edges: Option<Vec<[f64; 2]>>,
+    edges: Option<Vec<Vec<[f64; 2]>>>,
 }
 
 /// A body that conducts heat.
@@ -219,7 +219,7 @@ fn prepare_surface(
     family: FamilyHandle,
     conduction: &Conduction,
     has_conductance: bool,
-    edges: Option<Vec<[f64; 2]>>,
+    edges: Option<Vec<Vec<[f64; 2]>>>,
 ) -> Result<Option<Surface>, SetupError> {
     let exchanges: Vec<Rc<Exchange>> = setup.facts(body).cloned().collect();
     let is_exchanged = !exchanges.is_empty() || has_conductance;

@@ -53,8 +53,8 @@ pub(super) struct Surface {
 pub(super) enum SurfaceDistances {
     /// By direction, in spacings.
     Directions([f64; 6]),
-    /// Those of the edges of layers across x and y, in spacings; the others are those of the stations.
-    Layers(Vec<[f64; 2]>),
+    /// By layer and material, those of edges across x and y, in spacings; the others are those of the stations.
+    Layers(Vec<Vec<[f64; 2]>>),
 }
 
 impl SurfaceDistances {
@@ -63,7 +63,8 @@ impl SurfaceDistances {
         let spacings = match (self, body.layers()) {
             (SurfaceDistances::Directions(depth), _) => depth[face as usize],
             (SurfaceDistances::Layers(edges), Some(layers)) if face.axis() < 2 => {
-                edges[layers.place(point).0][face.axis()]
+                let material = body.material_of_point[point] as usize;
+                edges[layers.place(point).0][material][face.axis()]
             }
             (SurfaceDistances::Layers(_), _) => return body.face_distance(point, face),
         };
