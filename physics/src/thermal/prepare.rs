@@ -127,17 +127,15 @@ impl RunningThermal {
             .transpose()?;
         let consolidated = thermal.powder(setup, &domain, refined.is_some(), &mut conduction)?;
         let austenite = thermal.austenite(setup, &domain, refined.is_some())?;
-        let orientation = match conduction.has_directions() {
-            true => Some(setup.given(body, &keys::ORIENTATION)?),
-            false => None,
-        };
+        let orientation = (conduction.has_directions())
+            .then(|| setup.given(body, &keys::ORIENTATION))
+            .transpose()?;
         let carried = (keys.convection)
             .map(|convection| thermal.carried(setup, &domain, convection))
             .transpose()?;
         let has_conductance = fields.conductance.is_some();
         let surface = prepare_surface(setup, body, family, &conduction, has_conductance, edges)?;
-        let is_two_way = surface.as_ref().is_some_and(|s| s.given.is_possible());
-        check_two_way(thermal.solver, is_two_way, fields.given.is_some())?;
+        check_two_way(thermal.solver, surface.as_ref(), fields.given.is_some())?;
         check_directions(&conduction, austenite.is_some(), surface.is_some())?;
         let fixed =
             fields.constraint.is_some() || surface.as_ref().is_some_and(Surface::has_conductance);
@@ -200,9 +198,10 @@ fn check_directions(
 /// Refuses steady states of bodies that give heat to each other: amounts belong to steps in time.
 fn check_two_way(
     solver: ThermalSolver,
-    takes_from_others: bool,
+    surface: Option<&Surface>,
     gives_to_others: bool,
 ) -> Result<(), SetupError> {
+    let takes_from_others = surface.is_some_and(|s| s.given.is_possible());
     need(
         !(takes_from_others || gives_to_others) || solver != ThermalSolver::Steady,
         "solver",

@@ -225,10 +225,7 @@ impl Sampler {
                 let points = present(0..body.points.len(), *component, world);
                 let beyond = points.filter(|&p| component.at(world, p) > *above);
                 let tip = place_of_largest(body, beyond, |p| body.points.position[p].dot(along))?;
-                match angle_from {
-                    Some([x, y]) => vec![(tip[1] - y).atan2(tip[0] - x).to_degrees()],
-                    None => tip,
-                }
+                angle_from.map_or(tip.clone(), |from| vec![angle_of(from, &tip)])
             }
             Sampler::History { .. }
             | Sampler::Crossing { .. }
@@ -396,4 +393,9 @@ fn place_of_largest(
         }
     }
     best.map(|(_, point)| body.points.position[point].as_slice().to_vec())
+}
+
+/// Angle of the line from a place to a tip from x towards y, degrees.
+fn angle_of([x, y]: [f64; 2], tip: &[f64]) -> f64 {
+    (tip[1] - y).atan2(tip[0] - x).to_degrees()
 }

@@ -53,23 +53,23 @@ impl Family {
             for head in *heads {
                 let (slot, point, len) =
                     (head.slot as usize, head.point as usize, head.len as usize);
-                // SAFETY: every point is in one block, whose sums one thread takes after the sweep of all boxes; a whole block has no
-                // lanes of other blocks.
-                let sums: [[f64; BLOCK]; O] = match len {
-                    BLOCK => std::array::from_fn(|o| unsafe { sweep.planes.take(o, slot) }),
-                    _ => std::array::from_fn(|o| {
-                        let mut lanes = [0.0; BLOCK];
-                        for (lane, sum) in lanes.iter_mut().enumerate().take(len) {
-                            // SAFETY: as above.
-                            [*sum] = unsafe { sweep.planes.take(o, slot + lane) };
-                        }
-                        lanes
-                    }),
-                };
-                for lane in 0..len.min(self.points.saturating_sub(point)) {
+                let mut sums = [[0.0; BLOCK]; O];
+                for (o, sums) in sums.iter_mut().enumerate() {
+                    if len == BLOCK {
+                        // SAFETY: every point is in one block, whose sums one thread takes after the sweep of all boxes.
+                        *sums = unsafe { sweep.planes.take(o, slot) };
+                        continue;
+                    }
+                    // the other lanes belong to other blocks
+                    for (lane, sum) in sums.iter_mut().enumerate().take(len) {
+                        // SAFETY: as above.
+                        [*sum] = unsafe { sweep.planes.take(o, slot + lane) };
+                    }
+                }
+                for (lane, point) in (point..(point + len).min(self.points)).enumerate() {
                     let sum = std::array::from_fn(|o| sums[o][lane]);
                     // SAFETY: `output` has sums for each point of the family, and one thread sets them.
-                    unsafe { output.set(point + lane, sum) }
+                    unsafe { output.set(point, sum) }
                 }
             }
         });
