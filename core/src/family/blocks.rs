@@ -96,8 +96,6 @@ pub(super) struct BlockBuilder {
     /// Weights of the last block, which may still grow.
     open: Vec<Weights>,
     known: HashMap<Vec<[[u64; BLOCK]; 2]>, u32>,
-    /// Pattern of the last closed block.
-    last: u32,
 }
 
 impl BlockBuilder {
@@ -107,7 +105,6 @@ impl BlockBuilder {
             blocks: Blocks::of_stencil(stencil),
             open: vec![[[0.0; BLOCK]; 2]; stencil],
             known: HashMap::new(),
-            last: 0,
         }
     }
 
@@ -146,23 +143,29 @@ impl BlockBuilder {
 
     /// Gives the last block its pattern.
     fn close(&mut self) {
-        let Some(head) = self.blocks.head.last_mut() else {
+        let [before @ .., _] = &self.blocks.head[..] else {
             return;
         };
         // most blocks are like the one before
-        let is_like_last =
-            self.blocks.weights[self.last as usize * self.blocks.stencil..].starts_with(&self.open);
-        if !is_like_last || self.known.is_empty() {
-            let bits = self.open.iter().map(|w| w.map(|w| w.map(f64::to_bits)));
-            let new = self.known.len() as u32;
-            let pattern = *self.known.entry(bits.collect()).or_insert(new);
-            if pattern == new {
-                self.blocks.weights.extend(&self.open);
-            }
-            self.last = pattern;
-        }
-        head.pattern = self.last;
+        let before = before.last().map(|head| head.pattern);
+        let pattern = match before.filter(|p| self.blocks.pattern(*p) == self.open) {
+            Some(pattern) => pattern,
+            None => self.find_pattern(),
+        };
+        let head = self.blocks.head.last_mut().expect("there is one");
+        head.pattern = pattern;
         self.open.fill([[0.0; BLOCK]; 2]);
+    }
+
+    /// The pattern of the weights of the last block.
+    fn find_pattern(&mut self) -> u32 {
+        let bits = self.open.iter().map(|w| w.map(|w| w.map(f64::to_bits)));
+        let new = self.known.len() as u32;
+        let pattern = *self.known.entry(bits.collect()).or_insert(new);
+        if pattern == new {
+            self.blocks.weights.extend(&self.open);
+        }
+        pattern
     }
 
     /// All blocks.

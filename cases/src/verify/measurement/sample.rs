@@ -225,7 +225,8 @@ impl Sampler {
                 let points = present(0..body.points.len(), *component, world);
                 let beyond = points.filter(|&p| component.at(world, p) > *above);
                 let tip = place_of_largest(body, beyond, |p| body.points.position[p].dot(along))?;
-                angle_from.map_or(tip.clone(), |from| vec![angle_of(from, &tip)])
+                let angle = angle_from.map(|from| vec![angle_of(from, &tip)]);
+                angle.unwrap_or(tip)
             }
             Sampler::History { .. }
             | Sampler::Crossing { .. }

@@ -19,7 +19,8 @@ pub fn memory_of_writing(state: usize, checkpoint: usize) -> usize {
 pub(super) struct CheckpointParts<'a> {
     writer: &'a mut Writer,
     log_time: u64,
-    first: Option<Vec<u8>>,
+    /// The first part, once it is full.
+    first: Vec<u8>,
     /// Number of the part that is being gathered, from one.
     number: usize,
     part: Vec<u8>,
@@ -33,7 +34,7 @@ impl<'a> CheckpointParts<'a> {
             part_bytes: writer.part_bytes.min(PART_BYTES),
             writer,
             log_time,
-            first: None,
+            first: Vec::new(),
             number: 1,
             part: Vec::new(),
             failure: None,
@@ -43,7 +44,7 @@ impl<'a> CheckpointParts<'a> {
     /// Keeps the first part, and writes every other one.
     fn end_part(&mut self) -> Result<(), LogError> {
         match self.number {
-            1 => self.first = Some(std::mem::take(&mut self.part)),
+            1 => self.first = std::mem::take(&mut self.part),
             number => {
                 let (time, part) = (self.log_time, &self.part);
                 self.writer
@@ -64,9 +65,8 @@ impl<'a> CheckpointParts<'a> {
         if self.number == 1 || !self.part.is_empty() {
             self.end_part()?;
         }
-        let first = self.first.unwrap_or_default();
-        let time = self.log_time;
-        Ok(self.writer.write_part(topic::CHECKPOINT, 1, time, &first)?)
+        let (time, first) = (self.log_time, &self.first);
+        Ok(self.writer.write_part(topic::CHECKPOINT, 1, time, first)?)
     }
 }
 
