@@ -112,7 +112,7 @@ use perimelt_core::plugin::check_length;
 use perimelt_core::world::LoadedFaces;
 use perimelt_core::{
     Balance, Physics, PhysicsReport, Report, RunError, RunningPhysics, Setup, SetupError, Step,
-    Stepping, Work, World,
+    StepSize, Stepping, Work, World,
 };
 
 use fracture::FractureState;
@@ -156,6 +156,7 @@ impl Mechanical {
             is_explicit: self.solver.damping().is_some(),
             breaks_once: self.fracture.as_ref().is_some_and(|f| f.once),
             solver: self.solver,
+            step: self.step,
             sections: self.sections,
             run,
             stable_step: None,
@@ -168,6 +169,7 @@ perimelt_core::register_physics!("mechanical", Mechanical, supports: [Births, Cu
 /// A body that deforms.
 struct RunningMechanical {
     solver: MechanicalSolver,
+    step: StepSize,
     is_explicit: bool,
     /// Whether bonds break once in a step of equilibrium.
     breaks_once: bool,
@@ -202,7 +204,13 @@ impl RunningPhysics for RunningMechanical {
     /// `2 / omega`, with the highest frequency.
     fn stable_step(&mut self, world: &World) -> Option<f64> {
         if self.is_explicit && self.stable_step.is_none() {
-            self.stable_step = Some(2.0 / self.run.largest_frequency(world));
+            let stable = 2.0 / self.run.largest_frequency(world);
+            let largest = match self.step {
+                StepSize::Auto => stable,
+                StepSize::Fixed(step) => step.min(stable),
+            };
+            self.run.solid.set_largest_step(largest);
+            self.stable_step = Some(stable);
         }
         self.stable_step
     }

@@ -272,6 +272,8 @@ impl Dynamics for SolidDynamics<'_> {
         self.solid.evaluate(Wanted::force(force));
         let forces = force.par_iter_mut().zip(self.body_force);
         forces.with_min_len(4096).for_each(|(f, b)| *f += b);
+        self.solid
+            .subtract_added_inertia(self.inverse_density, force);
         *self.external_force = None;
         if std::mem::take(&mut self.has_changed) {
             *self.work += half_work_of_change(self.volumes, [self.loaded, self.body_force], u);

@@ -86,6 +86,13 @@ pub trait Solid: Debug + Sync {
     /// `density` in kg/m³ by point.
     fn largest_frequency(&mut self, density: &[f64], rules: &[LayerRule]) -> f64;
 
+    /// Takes the largest step of explicit motion, s, after [`Solid::largest_frequency`] was asked.
+    fn set_largest_step(&mut self, _step: f64) {}
+
+    /// Subtracts from a force density of nodes, N/m³, what inertia beside that of their mass takes from it, if the frequencies of the solid are bounded with such
+    /// inertia. `inverse_density` is that of components, m³/kg, zero where they are held.
+    fn subtract_added_inertia(&mut self, _inverse_density: &[f64], _force: &mut [f64]) {}
+
     /// Lets the points for which `is_relieved` says so be free of stress in those modes of the displacement that was set which
     /// have no gradient. Solids without springs for single points have no such modes.
     fn relieve_modes(&mut self, _is_relieved: &dyn Fn(usize) -> bool) {}

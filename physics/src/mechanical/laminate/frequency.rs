@@ -3,6 +3,7 @@
 use perimelt_core::Bond;
 
 use super::Laminate;
+use super::added_inertia::{AddedInertia, Springs, Stack};
 use super::constants::PlyState;
 use super::force::{broken_in, sum_parts};
 use super::kernels::{InterfaceBlock, MODULI, PlyBlock, of_fibre, stiffness};
@@ -10,12 +11,31 @@ use super::weights::{PARTS, PlyBonds};
 use crate::mechanical::classical::symmetric;
 use crate::plies::plane_direction;
 
-/// Stiffness of the points beside an interface, per area.
+/// Shares of the stiffness across that added inertia has, the smallest first.
+const SHARES: [f64; 4] = [0.0, 1.0 / 16.0, 0.25, 1.0];
+
+/// The square of the frequency that a smaller share may leave, over the smallest one.
+const ENOUGH: f64 = 1.1;
+
+/// Splits of the angle of crossing bonds into that of shifts and that of deflections: the weight of either in a bound of the square of the sum.
+const SPLITS: [f64; 9] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
+
+/// Stiffness of the points beside an interface, per area, N/m³.
 struct BesideInterface {
-    /// Of displacements along x, y, z by themselves, N/m³.
-    own: [f64; 3],
-    /// Sums of the absolute values of the rows of x, y, z, N/m³.
-    rows: [f64; 3],
+    /// Against a uniform shift of the layers: xx, yy and xy.
+    shift: [f64; 3],
+    /// Against deflections of the point by itself.
+    deflection: f64,
+    /// Against opening.
+    opening: f64,
+}
+
+impl BesideInterface {
+    /// The largest stiffness against a shift.
+    fn largest_shift(&self) -> f64 {
+        let [xx, yy, xy] = self.shift;
+        0.5 * (xx + yy) + (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt()
+    }
 }
 
 /// Constants by which bonds are stiff.
@@ -37,7 +57,7 @@ impl Laminate {
                 let crossing = &interface.crossing;
                 let failure = self.failure.as_ref();
                 let broken = failure.map(|failure| failure.of_interface(number));
-                let mut sums = vec![[0.0; 6]; self.points_of_layer()];
+                let mut sums = vec![[0.0; 4]; self.points_of_layer()];
                 let inputs = interface.inputs(&self.layers[number], &self.layers[number + 1]);
                 let states = self.plies.states.iter().map(|state| &state.constants);
                 let moduli: Vec<[f64; MODULI]> = states
@@ -66,19 +86,16 @@ impl Laminate {
                         self.plane.sum_unbroken(&kernel, inputs, broken, &mut sums);
                     }
                 }
-                let of_point = |(point, [x, y, z, a, b, c]): (usize, &[f64; 6])| {
+                let of_point = |(point, [xx, yy, xy, deflection]): (usize, &[f64; 4])| {
                     let modulus = match at {
                         At::Present => interface.modulus[point],
                         At::Stiffest => modulus,
                     };
-                    let opening = match failure.is_some_and(|f| f.is_open(number, point)) {
-                        true => 0.0,
-                        false => modulus / distance,
-                    };
+                    let is_open = failure.is_some_and(|f| f.is_open(number, point));
                     BesideInterface {
-                        own: [*x, *y, z + opening],
-                        // shear depends on the mean of both deflections, opening on their difference
-                        rows: [*a, *b, c.max(2.0 * opening)],
+                        shift: [*xx, *yy, *xy],
+                        deflection: *deflection,
+                        opening: if is_open { 0.0 } else { modulus / distance },
                     }
                 };
                 sums.iter().enumerate().map(of_point).collect()
@@ -134,18 +151,61 @@ impl Laminate {
                 for layer in [number, number + 1] {
                     let block = &mut blocks[layer * points + point];
                     let thickness = self.layers[layer].thickness;
-                    (0..3).for_each(|axis| block[axis] += beside.own[axis] / thickness);
+                    let [xx, yy, _] = beside.shift.map(|both| 0.5 * both);
+                    let own = [xx, yy, 0.25 * beside.deflection + beside.opening];
+                    (0..3).for_each(|axis| block[axis] += own[axis] / thickness);
                 }
             }
         }
         self.blocks = blocks;
     }
 
-    /// A bound of the squares of the eigenfrequencies at any temperature: the largest eigenvalue of the blocks on the diagonal of a matrix
-    /// that is nowhere less stiff. Twice the block of a layer bounds its bonds, as for a network of springs, beside the springs of the
-    /// dilatation (`ordinary`); the sums of the rows bound the interfaces (a symmetric matrix is no stiffer than the diagonal of the sums
-    /// of its absolute values).
+    /// A bound of the squares of the eigenfrequencies at any temperature, with the inertia that is added to columns, unless bonds break: then waves
+    /// across the layers decide what opens.
+    ///
+    /// It is the sum of the largest eigenvalues of parts: of the diagonal blocks of a matrix that is nowhere less stiff, twice those of the bonds
+    /// of a layer, as for a network of springs, beside the springs of the dilatation (`ordinary`); and of a column whose
+    /// layers shift or open.
     pub(super) fn largest_square(&mut self, density: &[f64]) -> f64 {
+        let beside: Vec<Vec<BesideInterface>> = self.beside_interfaces(At::Stiffest).collect();
+        let largest_of = |value: fn(&BesideInterface) -> f64| {
+            let interfaces = beside.iter().map(|points| points.iter().map(value));
+            interfaces
+                .map(|values| values.fold(0.0, f64::max))
+                .collect()
+        };
+        let springs = Springs {
+            shear: largest_of(BesideInterface::largest_shift),
+            opening: largest_of(|beside| beside.opening),
+        };
+        let stack = Stack::new(&self.layers, &self.interfaces, density);
+        let of_layers = self.largest_squares_of_layers(density, &beside);
+        let shares = match self.failure {
+            Some(_) => &SHARES[..1],
+            None => &SHARES,
+        };
+        let bound = |share: &f64| {
+            let of_column = stack.largest_squares(&springs, *share);
+            let bounds = SPLITS.map(|split| of_layers(split, of_column));
+            (*share, bounds.into_iter().fold(f64::INFINITY, f64::min))
+        };
+        let bounds: Vec<(f64, f64)> = shares.iter().map(bound).collect();
+        let smallest = bounds.iter().fold(f64::INFINITY, |m, (_, b)| m.min(*b));
+        let enough = |(_, bound): &&(f64, f64)| *bound <= ENOUGH * smallest;
+        let (share, bound) = bounds.iter().find(enough).expect("one is the smallest");
+        self.added_inertia = match *share > 0.0 {
+            true => stack.added_inertia(&springs, *share),
+            false => AddedInertia::default(),
+        };
+        *bound
+    }
+
+    /// The bound of [`Laminate::largest_square`] from the weight of deflections and the squares of the frequencies of a column, for shear and for opening.
+    fn largest_squares_of_layers(
+        &mut self,
+        density: &[f64],
+        beside: &[Vec<BesideInterface>],
+    ) -> impl Fn(f64, [f64; 2]) -> f64 + use<> {
         let points = self.points_of_layer();
         let reduced = |state: &PlyState| state.constants.ply.reduced();
         let largest_of = |value: &dyn Fn(&PlyState) -> f64| {
@@ -158,28 +218,29 @@ impl Laminate {
             let increment = largest_of(&|state| bonds.increment(reduced(state).of_bonds()));
             layer.load_fibres(&self.plane, |_| increment);
         }
-        let mut rows = vec![[0.0; 3]; density.len()];
-        for (number, beside) in self.beside_interfaces(At::Stiffest).enumerate() {
-            for (point, beside) in beside.iter().enumerate() {
-                for layer in [number, number + 1] {
-                    let rows = &mut rows[layer * points + point];
-                    let thickness = self.layers[layer].thickness;
-                    (0..3).for_each(|axis| rows[axis] += beside.rows[axis] / thickness);
-                }
+        let mut deflection = 0.0_f64;
+        for (number, layer) in self.layers.iter().enumerate() {
+            for point in 0..points {
+                let interfaces = number.saturating_sub(1)..beside.len().min(number + 1);
+                let both: f64 = interfaces.map(|n| beside[n][point].deflection).sum();
+                let mass = layer.thickness * density[number * points + point];
+                deflection = deflection.max(both / mass);
             }
         }
-        let mut largest = 0.0_f64;
+        let mut in_plane = 0.0_f64;
         for (number, blocks) in self.plane_blocks(At::Stiffest).enumerate() {
             for (point, [xx, yy, xy, weights]) in blocks.iter().enumerate() {
-                let point = number * points + point;
+                let density = density[number * points + point];
                 let dilatation = dilatation * weights;
-                let [x, y, z] = rows[point];
                 let [xx, yy] = [xx, yy].map(|along| 2.0 * (along + dilatation));
-                let block = symmetric(&[xx + x, yy + y, z, 2.0 * xy, 0.0, 0.0]);
-                largest = largest.max(block.symmetric_eigenvalues().max() / density[point]);
+                let block = symmetric(&[xx, yy, 0.0, 2.0 * xy, 0.0, 0.0]);
+                in_plane = in_plane.max(block.symmetric_eigenvalues().max() / density);
             }
         }
         self.load_constants();
-        largest
+        move |split, [shear, opening]| {
+            let shift = in_plane + (1.0 + split) * shear;
+            shift.max((1.0 + 1.0 / split) * deflection + opening)
+        }
     }
 }

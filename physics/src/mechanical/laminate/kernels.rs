@@ -441,28 +441,32 @@ impl<const FINITE: bool> BondKernel<SHEAR_INPUTS, 1> for InterfaceEnergy<FINITE>
     }
 }
 
-/// Diagonal of the stiffness of a point against displacements along x, y and z, per area, N/m³, and a bound of the sums of the
-/// absolute values in the three rows, over the distance of the layers (m) by the moment `w |xi| g` of a bond (Pa).
+/// Stiffness of a point by the pairs of crossing bonds, per area, N/m³, over the distance of the layers (m) by the moment `w |xi| g` of a bond (Pa).
+///
+/// The angle of a pair is `n . (D_k + D_j) / (2 h) + (w_j - w_k) / |xi|` with the shift D of the upper layer against the lower one and the mean deflection w of
+/// both: xx, yy, xy of the stiffness against a uniform shift, and that against deflections of the point by itself.
 pub(super) struct InterfaceBlock<F> {
     pub(super) distance: f64,
     pub(super) moment: F,
 }
 
-impl<F: Fn(&Bond, &ShearInputs, &ShearInputs) -> f64 + Sync> BondKernel<SHEAR_INPUTS, 6>
+impl<F: Fn(&Bond, &ShearInputs, &ShearInputs) -> f64 + Sync> BondKernel<SHEAR_INPUTS, 4>
     for InterfaceBlock<F>
 {
     const RARE: bool = true;
 
-    fn bond(&self, bond: &Bond, own: ShearInputs, other: ShearInputs) -> [f64; 6] {
+    fn bond(&self, bond: &Bond, own: ShearInputs, other: ShearInputs) -> [f64; 4] {
         let d = self.distance;
         let moment = (self.moment)(bond, &own, &other);
-        let scale = 0.5 * bond.inverse_length / d;
-        let angle = [bond.xi[0].abs(), bond.xi[1].abs(), d].map(|x| x * scale);
-        let all = 4.0 * angle.iter().sum::<f64>();
-        std::array::from_fn(|n| {
-            let own = angle[n % 3];
-            d * moment * own * if n < 3 { own } else { all }
-        })
+        let of_shift = 0.5 * moment / d;
+        let [x, y] = plane_direction(bond);
+        let of_deflection = d * moment * bond.inverse_length * bond.inverse_length;
+        [
+            of_shift * x * x,
+            of_shift * y * y,
+            of_shift * x * y,
+            of_deflection,
+        ]
     }
 }
 

@@ -8,6 +8,9 @@
 //! Near free edges the bonds have the stiffness of the interior times the correction of the family; bonds along the fibres
 //! have a correction of their own, as the rows of fibres end elsewhere than the family does.
 
+mod added_inertia;
+#[cfg(test)]
+mod added_inertia_tests;
 mod breaking;
 mod constants;
 mod crack;
@@ -38,6 +41,7 @@ use perimelt_core::{Body, Family, SetupError, SlotField, text};
 use super::base::{Properties, SolidBase};
 use super::solid::Constitution;
 use crate::plies::{CompleteFamily, fibre_factors, uncut};
+use added_inertia::AddedInertia;
 use constants::{PlyConstants, PlyPoints, PlyState};
 use failure::{Failure, LaminateParts};
 use interface::Interface;
@@ -113,6 +117,8 @@ pub struct Laminate {
     /// Diagonal blocks of the stiffness of the unbroken bonds; empty until they are needed.
     blocks: Vec<[f64; 6]>,
     gradients: Vec<Matrix3<f64>>,
+    /// Inertia of motion across the layers, in explicit motion.
+    added_inertia: AddedInertia,
 }
 
 /// Sums over the bonds of a layer, by point of the plane.
@@ -262,6 +268,7 @@ impl Laminate {
             work: Work::new(layers.points_of_layer()),
             blocks: Vec::new(),
             gradients: vec![Matrix3::zeros(); points],
+            added_inertia: AddedInertia::default(),
             plane,
         };
         laminate.load_constants();

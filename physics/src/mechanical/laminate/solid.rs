@@ -193,6 +193,14 @@ impl Solid for Laminate {
         self.largest_square(density).sqrt()
     }
 
+    fn set_largest_step(&mut self, step: f64) {
+        self.added_inertia.set_step(step);
+    }
+
+    fn subtract_added_inertia(&mut self, inverse_density: &[f64], force: &mut [f64]) {
+        self.added_inertia.subtract(inverse_density, force);
+    }
+
     fn fracture_state(&self) -> Option<&FractureState> {
         self.failure.as_ref().map(|failure| &failure.state)
     }

@@ -47,7 +47,7 @@ pub(super) fn plate(angles: &[f64], thickness: &[f64], stations: Stations, side:
     body
 }
 
-fn laminate(body: &Body, finite: bool) -> Laminate {
+pub(super) fn laminate(body: &Body, finite: bool) -> Laminate {
     laminate_that_breaks(body, finite, None)
 }
 
