@@ -6,7 +6,8 @@ The gas: incompressible flow with buoyancy (Boussinesq) on a staggered grid, by 
 cavity (0.2 m) and of the diffusivity (2e-5 m2/s) at 293 K; viscosity and conductivity by Sutherland's law, conduction by fluxes through the faces of
 cells. The laminate, 40 cells a side at 80 cells of the cavity, is solid and insulated for the gas. Finite volumes with the enthalpy as the state, in K and s;
 three edges take up h (Tg - T) + sigma (Tg^4 - T^4), h = C |Tg - T|^(1/3), with the mean Tg of the gas within 3.015 cells of the cell at the edge.
-T is the temperature of the cell at the edge, as in the source, or, second, that of the edge itself, half a cell away.
+T is the temperature of the cell at the edge, as in the source, or, second, that of the edge itself, half a cell away. Displacements are those of
+`laminate_fire_displacements.py`, with the wall of the cavity clamped.
 """
 
 import sys
@@ -14,6 +15,7 @@ import sys
 import numpy as np
 from fires import iso_834_rise
 from laminate_fire import ACROSS, ALONG, DENSITY, STEFAN_BOLTZMANN, TEMPERATURE, THROUGH, capacity
+from laminate_fire_displacements import at, displacements
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
@@ -155,6 +157,15 @@ class Laminate:
         self.t = np.interp(self.h, self.ENTHALPY, self.FINE)
 
 
+def moved(t: np.ndarray) -> list[tuple[float, float]]:
+    """Displacements (x and y, um) of points of the lowest ply at the free edge: at the hot corner, 10 mm from it, in the middle, at the other corner."""
+    u = displacements(t[:, ::-1])[0]
+    width = LENGTH / 2
+    near = width / (len(u) - 1) / 2
+    ends = (at(u, near, y) for y in (near, 0.01, width / 2, width - near))
+    return [(round(-1e6 * float(x), 3), round(1e6 * float(y), 3)) for x, y in ends]
+
+
 def main(n: int) -> None:
     gas = Gas(n)
     step = 1e-5 * (80 / n) ** 2
@@ -180,6 +191,8 @@ def main(n: int) -> None:
                 rises = plate.t.mean(axis=(1, 2)) - START
                 place = "the edge" if edge else "its cells"
                 print(f"    {name}, temperature of {place}: mean {rises.mean():.3f} K, plies {rises.round(3)}, hottest {plate.t.max():.1f} K", flush=True)
+                if name == "plies that exchange heat":
+                    print(f"        displacements of the free edge {moved(plate.t)} um", flush=True)
 
 
 if __name__ == "__main__":
