@@ -185,6 +185,11 @@ fn strengths_of_plies() {
             "fracture = {}",
             "fracture = { limits = \"printed\" }",
         ),
+        (
+            &strong,
+            "fracture = {}",
+            "fracture = { mixed_mode_exponent = 0 }",
+        ),
     ] {
         told.push(message("plate.toml", changed(case, right, wrong)));
     }

@@ -39,6 +39,9 @@ pub struct FractureSection {
     pub criterion: Criterion,
     /// How the limit of the bonds of plies follows from the fracture energy.
     pub limits: Limits,
+    /// Exponent m of `(E_I / G_I)^m + (E_II / G_II)^m = 1` \[WuReuter1965\], at which the interface of a point between plies breaks as a whole:
+    /// 1 for the sum of the energies of opening and sliding. Without, both break by themselves.
+    pub mixed_mode_exponent: Option<f64>,
     /// Regions whose bonds never break, such as those under loads.
     pub no_fail: Vec<String>,
     /// Strength of an interface, or of a list of them, such as
@@ -127,6 +130,10 @@ pub struct FractureState {
     /// The stress conjugate to the eigenstrain that bonds of each point carried when they broke, Pa: xx, yy, zz, xy, yz, zx. It remains
     /// part of the `conjugate_stress`: a change of that field heats the body, and a break is not an unloading.
     pub frozen: Vec<[f64; 6]>,
+    /// Energy that pairs of crossing bonds took when they broke, half of it from either end, J/m²: by interface of a laminate and point of its plane, where modes
+    /// are mixed; else empty.
+    #[serde(default)]
+    pub sliding_energy: Vec<f64>,
 }
 
 /// Bonds that broke in one evaluation.
@@ -152,6 +159,7 @@ impl FractureState {
         FractureState {
             broken: vec![family.unbroken()],
             frozen: vec![[0.0; 6]; points],
+            sliding_energy: Vec::new(),
         }
     }
 
@@ -167,6 +175,7 @@ impl FractureState {
         FractureState {
             broken: self.broken.iter().map(BrokenBonds::unbroken).collect(),
             frozen: vec![[0.0; 6]; self.frozen.len()],
+            sliding_energy: vec![0.0; self.sliding_energy.len()],
         }
     }
 
@@ -230,10 +239,18 @@ impl Fracture {
             criterion,
             ..
         } = section;
-        if section.limits == Limits::Published {
-            let message = "`limits` are those of plies";
-            let expected = "no `limits`, or `law.lamina`";
-            return Err(SetupError::value("fracture.limits", message, expected));
+        let of_plies = [
+            ("limits", section.limits == Limits::Published),
+            ("mixed_mode_exponent", section.mixed_mode_exponent.is_some()),
+        ];
+        for (key, _) in of_plies.iter().filter(|(_, is_given)| *is_given) {
+            let message = format!("`{key}` belongs to plies");
+            let expected = format!("no `{key}`, or `law.lamina`");
+            return Err(SetupError::value(
+                &format!("fracture.{key}"),
+                message,
+                expected,
+            ));
         }
         let crossings = Crossings::of(interface, *criterion, setup, body, family)?;
         let this = setup.body(body);
@@ -410,7 +427,7 @@ impl Fracture {
         };
         breakable.find_exceeding(points, ratio, &mut exceeding);
         Exceeding::keep_largest(&mut exceeding, fraction);
-        let FractureState { broken, frozen } = &mut self.state;
+        let FractureState { broken, frozen, .. } = &mut self.state;
         let weight = &self.weight;
         let mut lose = |point: usize, bond: &Bond, slot: usize| {
             damage[point] = (damage[point] + bond.weight / weight[point]).min(1.0);

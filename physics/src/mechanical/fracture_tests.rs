@@ -55,7 +55,7 @@ fn limits_of_plies_are_refused_in_other_solids() {
     };
     let refusal = Fracture::of(&section, &mut setup, 0, &family).err();
     let message = refusal.expect("no plies").to_string();
-    assert!(message.contains("`limits` are those of plies"), "{message}");
+    assert!(message.contains("`limits` belongs to plies"), "{message}");
 }
 
 #[test]

@@ -353,6 +353,8 @@ impl RunningPhysics for RunningMechanical {
             let is_own = own.is_of_same_bonds(broken);
             check_length("broken bonds", usize::from(is_own), 1)?;
             check_length("frozen stress", broken.frozen.len(), own.frozen.len())?;
+            let [saved, own] = [broken, own].map(|state| state.sliding_energy.len());
+            check_length("energies of sliding", saved, own)?;
         }
         run.state = state;
         run.scratch.note_load();

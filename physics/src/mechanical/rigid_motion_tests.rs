@@ -112,6 +112,7 @@ fn displacements_by_the_vectors_of_a_family_meet_no_force() {
                     let state = FractureState {
                         broken: vec![some_broken(solid.base().family(), points)],
                         frozen: vec![[0.0; 6]; points],
+                        sliding_energy: Vec::new(),
                     };
                     if solid.replace_fracture_state(state).is_none() {
                         continue;

@@ -189,6 +189,7 @@ fn a_linear_temperature_is_free_of_stress() {
                         let state = FractureState {
                             broken: vec![some_broken(solid.base().family(), positions.len())],
                             frozen: vec![[0.0; 6]; positions.len()],
+                            sliding_energy: Vec::new(),
                         };
                         solid.replace_fracture_state(state);
                     }

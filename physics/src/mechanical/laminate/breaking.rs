@@ -4,8 +4,9 @@ use perimelt_core::Bond;
 
 use super::Laminate;
 use super::failure::{BondSet, Failure};
+use super::interface::Interface;
 use super::kernels::{
-    BondLoad, Excess, InterfaceLoad, LIMITS, LOAD_INPUTS, Load, SHEAR_LOAD_INPUTS,
+    BondLoad, Excess, InterfaceEnergy, InterfaceLoad, LIMITS, LOAD_INPUTS, Load, SHEAR_LOAD_INPUTS,
 };
 use crate::mechanical::exceeding::{Breakable, Exceeding};
 use crate::mechanical::fracture::NewBreaks;
@@ -25,8 +26,13 @@ impl Laminate {
             }
         }
         for interface in 0..self.interfaces.len() {
-            self.find_open(&failure, interface, &mut found);
-            self.find_sliding(&failure, interface, &mut found);
+            match failure.limits.mixed_mode_exponent() {
+                Some(exponent) => self.find_mixed(&failure, interface, exponent, &mut found),
+                None => {
+                    self.find_open(&failure, interface, &mut found);
+                    self.find_sliding(&failure, interface, &mut found);
+                }
+            }
         }
         Exceeding::keep_largest(&mut found, fraction);
         self.failure = Some(failure);
@@ -35,9 +41,11 @@ impl Laminate {
         }
         self.blocks.clear();
         self.add_frozen(1.0);
+        self.add_sliding_energy(1.0);
         let failure = self.failure.as_mut();
         let pairs = failure.map(|failure| failure.break_all(&self.plane, &found, damage));
         self.add_frozen(-1.0);
+        self.add_sliding_energy(-1.0);
         NewBreaks {
             pairs: pairs.unwrap_or_default(),
             any: true,
@@ -56,6 +64,91 @@ impl Laminate {
                 (0..6).for_each(|c| frozen[c] += factor * stress[c]);
             }
         }
+    }
+
+    /// Adds the energy of the unbroken pairs of crossing bonds times a factor to that which broken ones took, where modes are mixed.
+    fn add_sliding_energy(&mut self, factor: f64) {
+        let Some(mut failure) = self.failure.take() else {
+            return;
+        };
+        let mut taken = std::mem::take(&mut failure.state.sliding_energy);
+        let points = self.points_of_layer();
+        for (interface, taken) in taken.chunks_mut(points).enumerate() {
+            self.sum_sliding_energy(&failure, interface);
+            let both = taken.iter_mut().zip(&self.work.scalars);
+            both.for_each(|(taken, [energy])| *taken += factor * energy);
+        }
+        failure.state.sliding_energy = taken;
+        self.failure = Some(failure);
+    }
+
+    /// Sums the energy of the unbroken pairs of crossing bonds of an interface, J/m².
+    fn sum_sliding_energy(&mut self, failure: &Failure, interface: usize) {
+        let [lower, upper] = [interface, interface + 1].map(|layer| &self.layers[layer]);
+        let inputs = self.interfaces[interface].inputs(lower, upper);
+        let (crossing, sums) = (self.interfaces[interface].crossing, &mut self.work.scalars);
+        let broken = Some(failure.of_interface(interface));
+        specialise!(FINITE = self.base.is_finite() =>
+            self.plane.sum_unbroken(&InterfaceEnergy::<FINITE>(crossing), inputs, broken, sums));
+    }
+
+    /// All bonds across an interface of the points whose energies of opening and sliding reach the limit of both.
+    fn find_mixed(
+        &mut self,
+        failure: &Failure,
+        interface: usize,
+        exponent: f64,
+        found: &mut Vec<Exceeding>,
+    ) {
+        self.sum_sliding_energy(failure, interface);
+        let points = self.points_of_layer();
+        let [opening, sliding] = [BondSet::Opening(interface), BondSet::Sliding(interface)];
+        let [opening, sliding] = [opening, sliding].map(|set| failure.number(set));
+        let limits = &failure.limits.energies[interface];
+        let taken = &failure.state.sliding_energy[interface * points..][..points];
+        for point in (0..points).filter(|point| !failure.is_open(interface, *point)) {
+            let stretch = self.stretch_across(interface, point).max(0.0);
+            let Interface {
+                modulus, crossing, ..
+            } = &self.interfaces[interface];
+            let of_opening = 0.5 * modulus[point] * crossing.distance * stretch * stretch;
+            let energies = [of_opening, self.work.scalars[point][0] + taken[point]];
+            let shares = energies.iter().zip(limits[point]);
+            let sum: f64 = shares.map(|(e, limit)| (e / limit).powf(exponent)).sum();
+            // neighbours may have broken all pairs of a point
+            let pairs_left = self.plane.bonds_of(point) - failure.of_interface(interface).of(point);
+            let sum = if pairs_left == 0 { sum.max(1.0) } else { sum };
+            if !(sum >= 1.0) {
+                continue;
+            }
+            // loads grow as the root of energies
+            let ratio = sum.powf(0.5 / exponent);
+            found.push(Exceeding {
+                ratio,
+                set: opening,
+                point,
+                slot: self.plane.slot_of(point),
+            });
+            let can_break = |slot| match self.plane.point_in(slot) {
+                Some(other) => limits[other][1].is_finite(),
+                None => true,
+            };
+            let of_pairs = |_, _, _: &Bond, slot| if can_break(slot) { ratio } else { 0.0 };
+            let breakable = failure.breakable(sliding, &self.plane);
+            breakable.find_exceeding(std::iter::once(point), of_pairs, found);
+        }
+    }
+
+    /// Stretch of the bond of a point across an interface, without its stress-free part.
+    fn stretch_across(&self, interface: usize, point: usize) -> f64 {
+        let points = self.points_of_layer();
+        let both = [interface, interface + 1].map(|layer| layer * points + point);
+        let (stretch, _) = self.interfaces[interface].across(
+            self.strained(),
+            both.map(|p| self.displacement[p]),
+            both.map(|p| self.strain_across(p)),
+        );
+        stretch
     }
 
     /// Bonds of a set of a layer beyond their limits.
@@ -82,15 +175,8 @@ impl Laminate {
         let set = failure.number(BondSet::Opening(interface));
         let limits = &failure.limits.opening[interface];
         let points = self.points_of_layer();
-        let strained = self.strained();
         for point in (0..points).filter(|point| !failure.is_open(interface, *point)) {
-            let both = [interface, interface + 1].map(|layer| layer * points + point);
-            let (stretch, _) = self.interfaces[interface].across(
-                strained,
-                both.map(|p| self.displacement[p]),
-                both.map(|p| self.strain_across(p)),
-            );
-            let ratio = stretch / limits[point];
+            let ratio = self.stretch_across(interface, point) / limits[point];
             if ratio >= 1.0 {
                 found.push(Exceeding {
                     ratio,

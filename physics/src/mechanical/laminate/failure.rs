@@ -82,6 +82,10 @@ impl Failure {
             state: FractureState {
                 broken,
                 frozen: vec![[0.0; 6]; of_body],
+                sliding_energy: match strength.mixed_mode_exponent {
+                    Some(_) => vec![0.0; points * interfaces.len()],
+                    None => Vec::new(),
+                },
             },
             heats: strength.heats,
             layers: solids.len(),

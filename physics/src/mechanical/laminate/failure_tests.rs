@@ -9,7 +9,9 @@ use super::tests::{
 };
 use super::*;
 use crate::mechanical::fracture::Limits;
-use crate::mechanical::solid::{PointStates, Solid, StressFreeStrain, StressKind, Wanted};
+use crate::mechanical::solid::{
+    FailureMode, PointStates, Solid, StressFreeStrain, StressKind, Wanted,
+};
 use crate::testing::material;
 
 /// J/m², of opening and sliding.
@@ -27,6 +29,7 @@ pub(super) fn strength_of(body: &Body, keys: &str) -> PlyStrength {
         constants: constants_of(&body, strength::CONSTANTS),
         unbreakable: vec![false; body.points.len()],
         limits: Limits::Discrete,
+        mixed_mode_exponent: None,
         heats: true,
     }
 }
@@ -148,6 +151,78 @@ fn an_interface_that_opens_or_slides_dissipates_its_fracture_energy() {
             assert_eq!(modes.iter().filter(|m| m.broken > 0.0).count(), 1);
         }
     }
+}
+
+/// Shear moduli of [`GRAPHITE`](super::tests::GRAPHITE) across plies along and across fibres, and Young's modulus across, Pa.
+const ACROSS: [f64; 3] = [2e9, 1.3e9, 3.4e9];
+
+/// Plies that slide, also along a row of points, and open at once.
+#[test]
+fn an_interface_under_both_modes_breaks_as_a_whole_at_the_power_law_of_its_energies() {
+    for exponent in [1.0, 2.0] {
+        for of in [
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.3],
+            [0.6, 0.8, 1.0],
+            [0.0, 0.0, 1.0],
+        ] {
+            let body = periodic(&[0.0, 0.0], Stations::One, 8, &[Axis::X, Axis::Y]);
+            let strength = PlyStrength {
+                mixed_mode_exponent: Some(exponent),
+                ..strength(&body)
+            };
+            let mut laminate = brittle(&body, false, &strength);
+            let lost = dissipated(&body, &mut laminate, 2e-2, |_, _, z| {
+                of.map(|u| if z > 0.0 { u } else { 0.0 })
+            });
+            // energies per area and square of the factor of the displacement; plies are 1 mm apart
+            let [along, across, opening] =
+                [0, 1, 2].map(|axis| 0.5 * ACROSS[axis] / 1e-3 * of[axis] * of[axis]);
+            let energies = [opening, along + across];
+            let shares = energies
+                .iter()
+                .zip(ENERGIES)
+                .map(|(e, limit)| (e / limit).powf(exponent));
+            let square = shares.sum::<f64>().powf(-1.0 / exponent);
+            let expected = square * (opening + along + across);
+            let ratio = lost / (8.0 * SPACING).powi(2) / expected;
+            assert!((ratio - 1.0).abs() < 1e-7, "{exponent} {of:?}: {ratio}");
+            let modes = laminate.failure_modes();
+            let damaged = |mode: &FailureMode<'_>| mode.damage.iter().all(|d| *d == 1.0);
+            assert!(damaged(&modes[2]) && damaged(&modes[3]));
+        }
+    }
+}
+
+/// Pairs of crossing bonds that a neighbour broke count for both points, so that each takes its fracture energy, unless its neighbours break all of its pairs.
+#[test]
+fn points_that_break_one_after_the_other_take_the_same_energy() {
+    let body = periodic(&[0.0, 90.0], Stations::One, 16, &[Axis::X, Axis::Y]);
+    let strength = PlyStrength {
+        mixed_mode_exponent: Some(1.0),
+        ..strength(&body)
+    };
+    let mut laminate = brittle(&body, false, &strength);
+    let turn = std::f64::consts::TAU / (16.0 * SPACING);
+    let lost = dissipated(&body, &mut laminate, 8e-4, |x, y, z| match z > 0.0 {
+        true => [1.0 + 0.01 * (turn * x).cos(), 0.004 * (turn * y).sin(), 0.0],
+        false => [0.0; 3],
+    });
+    // where the last ones lost most of their pairs, a few hold out
+    let numbers: Vec<f64> = laminate.failure_modes().iter().map(|m| m.broken).collect();
+    assert_eq!(numbers[..2], [0.0; 2]);
+    assert!(numbers[2] > 0.95 * 256.0, "{numbers:?}");
+    let state = laminate.fracture_state().expect("it breaks");
+    let taken = state
+        .sliding_energy
+        .iter()
+        .map(|energy| energy / ENERGIES[1]);
+    let taken: Vec<f64> = taken.collect();
+    let whole = taken.iter().filter(|share| (*share - 1.0).abs() < 1e-6);
+    assert!(whole.count() as f64 > 0.9 * 256.0, "{taken:?}");
+    assert!(taken.iter().all(|share| *share < 1.0 + 1e-6), "{taken:?}");
+    let sum = taken.iter().sum::<f64>() * ENERGIES[1] * SPACING * SPACING;
+    assert!((lost / sum - 1.0).abs() < 1e-6, "{lost} {sum}");
 }
 
 /// The published limit takes isotropic constants: the energy of an independent estimate is 1.3 to 1.4 times too large.

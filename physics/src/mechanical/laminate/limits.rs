@@ -37,6 +37,8 @@ pub(super) struct SetLimits {
     pub(super) opening: Vec<Vec<f64>>,
     /// Angles of pairs of crossing bonds, by interface.
     pub(super) sliding: Vec<SlotField>,
+    /// Fracture energies of opening and sliding, by interface and point of the plane, J/m²; infinite where bonds never break.
+    pub(super) energies: Vec<Vec<[f64; 2]>>,
 }
 
 /// What limits follow from.
@@ -73,8 +75,14 @@ impl SetLimits {
             fibres: pairs(),
             opening: vec![vec![0.0; layers.points_of_layer()]; interfaces.len()],
             sliding: interfaces.iter().map(|_| SlotField::default()).collect(),
+            energies: vec![vec![[0.0; 2]; layers.points_of_layer()]; interfaces.len()],
             strength,
         }
+    }
+
+    /// See [`PlyStrength::mixed_mode_exponent`].
+    pub(super) fn mixed_mode_exponent(&self) -> Option<f64> {
+        self.strength.mixed_mode_exponent
     }
 
     /// Whether strengths are the same at all temperatures.
@@ -168,14 +176,18 @@ impl SetLimits {
                     .fold(f64::INFINITY, f64::min),
                 }
             };
+            for (point, energies) in self.energies[number].iter_mut().enumerate() {
+                *energies = [0, 1].map(|kind| energy(point, kind));
+            }
+            let energies = &self.energies[number];
             for (point, limit) in self.opening[number].iter_mut().enumerate() {
-                *limit = opening_limit(interface.modulus[point], distance, energy(point, 0));
+                *limit = opening_limit(interface.modulus[point], distance, energies[point][0]);
             }
             let sums = self.sums[number];
             let angle = |point: usize| {
                 let moduli = interface.moduli[point].iter().zip(sums);
                 let sum = moduli.map(|(modulus, sum)| modulus * sum).sum();
-                shear_limit(sum, distance, energy(point, 1))
+                shear_limit(sum, distance, energies[point][1])
             };
             self.sliding[number].load(plane, angle, Mirrored::Scalar);
         }

@@ -31,6 +31,8 @@ register_property!(
 pub struct PlyStrength {
     pub(super) constants: Constants,
     pub(super) limits: Limits,
+    /// Of the energies of opening and sliding, if interfaces break by both.
+    pub(super) mixed_mode_exponent: Option<f64>,
     /// By point.
     pub(super) unbreakable: Vec<bool>,
     /// Whether a change of the conjugate stress heats the body: breaking bonds must not change it.
@@ -80,9 +82,21 @@ impl PlyStrength {
             let expected = "`fracture_energy` and `shear_fracture_energy` of the material";
             return Err(SetupError::value("fracture.interface", message, expected));
         }
+        if let Some(exponent) = section.mixed_mode_exponent
+            && !(exponent > 0.0 && exponent.is_finite())
+        {
+            let key = "fracture.mixed_mode_exponent";
+            let message = format!("the exponent of the energies is {exponent}");
+            return Err(SetupError::value(
+                key,
+                message,
+                "a number above 0, usually 1 or 2",
+            ));
+        }
         Ok(PlyStrength {
             constants: Constants::of(setup.body(body), "fracture", "fracture", CONSTANTS)?,
             limits: section.limits,
+            mixed_mode_exponent: section.mixed_mode_exponent,
             unbreakable: section.unbreakable(setup, body)?,
             heats: setup.is_declared(body, &keys::CONJUGATE_STRESS, Access::Read)
                 || setup.is_declared(body, &keys::CONJUGATE_STRESS_TENSOR, Access::Read),
