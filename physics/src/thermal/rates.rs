@@ -123,11 +123,11 @@ impl HeatFlow<'_> {
         }
     }
 
-    /// Writes the derivative of the flow along a change of the temperature (K) to `conduction.rate`, zero at held points;
+    /// Writes the derivative of the flow where it was linearised along a change of the temperature (K) to `conduction.rate`, zero at held points;
     /// returns the derivative of the power. `None`, without an effect, where no analytical derivative exists.
-    fn change(&mut self, temperature: &[f64], change: &[f64], gains: &[f64]) -> Option<f64> {
-        let is_known = self.carried.is_none()
-            && (self.conduction).load_change(&self.matter, temperature, change);
+    fn change(&mut self, change: &[f64], gains: &[f64]) -> Option<f64> {
+        let is_known =
+            self.carried.is_none() && (self.conduction).load_change(&self.matter, change);
         is_known.then(|| self.sum(HeatSum::Change { gains, change }))
     }
 
@@ -269,7 +269,7 @@ impl Rhs for EnthalpyRate<'_> {
         let change = base.change.par_iter_mut().zip(direction);
         let change = change.zip(&base.capacity).with_min_len(4096);
         change.for_each(|((change, v), capacity)| *change = v / capacity);
-        if let Some(power) = (self.0).change(&base.temperature, &base.change, &base.gains) {
+        if let Some(power) = (self.0).change(&base.change, &base.gains) {
             out[points] = power;
             if let Some(surface) = &self.0.surface {
                 let powers = &mut out[points + 1..];
@@ -336,6 +336,7 @@ impl EnthalpyRate<'_> {
             flow.by_point(at.state, &mut base.temperature, EnthalpyCurve::temperature);
             let capacity = EnthalpyCurve::capacity_from_enthalpy;
             flow.by_point(at.state, &mut base.capacity, capacity);
+            flow.conduction.linearise(&flow.matter, &base.temperature);
             flow.exchange(&base.temperature);
             if let Some(surface) = &flow.surface {
                 surface.gains(&mut base.gains);

@@ -39,6 +39,8 @@ pub(super) struct PlyFlow {
     potentials: Vec<[HeatPotential; 3]>,
     /// Potentials of k2, of k1 - k2 and of k3, W/m.
     fields: Vec<[f64; 3]>,
+    /// Conductivities of the three fields about which the flow is linear, W/(m K).
+    slopes: Vec<[f64; 3]>,
     slots: [SlotField; 3],
     /// Where there are several materials.
     parts: Option<Parts>,
@@ -115,6 +117,7 @@ impl PlyFlow {
             layers: layers.clone(),
             potentials: Vec::new(),
             fields: Vec::new(),
+            slopes: Vec::new(),
             slots: Default::default(),
             parts: plies.interfaces.as_ref().map(parts),
         }
@@ -184,22 +187,27 @@ impl PlyFlow {
         }
     }
 
-    /// Fills the slots for the derivative along a change (K) of the temperature (K). Returns false, without an effect, with several materials.
-    pub(super) fn load_change(
-        &mut self,
-        matter: &Matter<'_>,
-        temperature: &[f64],
-        change: &[f64],
-    ) -> bool {
+    /// Takes the conductivities at temperatures, K, of plies of one material.
+    pub(super) fn linearise(&mut self, matter: &Matter<'_>, temperature: &[f64]) {
         let [conductivity] = &self.conductivity[..] else {
-            return false;
+            return;
         };
         let curve: &EnthalpyCurve = &matter.curves[0];
-        let of_point = |(&t, &change): (&f64, &f64)| {
+        let of_point = |&t: &f64| {
             let [along, across, through] = conductivity.at(t, curve.liquid_fraction(t));
-            [across * change, (along - across) * change, through * change]
+            [across, along - across, through]
         };
-        let points = temperature.par_iter().zip(change);
+        let points = temperature.par_iter().with_min_len(POINTS_PER_TASK);
+        points.map(of_point).collect_into_vec(&mut self.slopes);
+    }
+
+    /// Fills the slots for the derivative along a change (K) of the temperatures of [`PlyFlow::linearise`]. Returns false, without an effect, with several materials.
+    pub(super) fn load_change(&mut self, matter: &Matter<'_>, change: &[f64]) -> bool {
+        if self.conductivity.len() > 1 {
+            return false;
+        }
+        let of_point = |(slopes, change): (&[f64; 3], &f64)| slopes.map(|slope| slope * change);
+        let points = self.slopes.par_iter().zip(change);
         let points = points.with_min_len(POINTS_PER_TASK);
         points.map(of_point).collect_into_vec(&mut self.fields);
         fill(&mut self.slots, matter.family, &self.fields);
