@@ -1,4 +1,4 @@
-//! The instruction sets for which sweeps are compiled, and the one that a program uses.
+//! The instruction sets for which sweeps and sums are compiled, and the one that a program uses.
 
 use std::sync::OnceLock;
 
@@ -47,12 +47,12 @@ pub fn limit_instructions(limit: InstructionSet) -> Result<(), InstructionSet> {
     }
 }
 
-pub(super) fn used() -> InstructionSet {
+pub(crate) fn used() -> InstructionSet {
     *USED.get_or_init(widest)
 }
 
 /// Whether sweeps may use fused multiply-adds, which those that visit bonds once require.
-pub(super) fn can_fuse() -> bool {
+pub(crate) fn can_fuse() -> bool {
     used() > InstructionSet::Baseline || cfg!(target_arch = "aarch64")
 }
 

@@ -28,6 +28,7 @@ pub mod formula;
 pub mod in_space;
 pub mod in_time;
 pub mod input;
+pub mod instructions;
 pub mod law;
 pub mod log;
 pub mod material;

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use perimelt_core::family::{InstructionSet, limit_instructions};
+use perimelt_core::instructions::{InstructionSet, limit_instructions};
 
 use super::Done;
 use crate::argument::positive;

@@ -54,7 +54,7 @@ pub use ghost_rule::{
     ByImage, ByRules, Curved, Direction, Folded, GhostRule, Mirrored, Rising, WithTractions,
 };
 pub use influence::Influence;
-pub use kernel::{AxisPlane, Bond, BondKernel, InstructionSet, limit_instructions};
+pub use kernel::{AxisPlane, Bond, BondKernel};
 pub use layer::{Continuation, Image, LayerRule, Layout, Traction};
 pub use of_bonds::PointBond;
 pub use operator::Operator;

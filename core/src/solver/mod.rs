@@ -16,12 +16,13 @@
 //! A model is an [`Rhs`] (or a closure, see [`rhs()`]); a failure of the model passes through
 //! as [`SolverError::Model`]. Solvers own their work vectors and allocate at first use only.
 //!
-//! All sums go through [`reduce`], whose order of summation does not depend on the number of
-//! threads: same binary, same case, same bits.
+//! All sums go through [`reduce`], whose results depend neither on the number of threads nor on how points are divided among them:
+//! same binary, same case, same bits.
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod error;
+mod exact;
 mod implicit;
 mod krylov;
 mod newton;
@@ -37,6 +38,7 @@ mod vector;
 mod verlet;
 
 pub use error::SolverError;
+pub use exact::ExactSum;
 pub use implicit::Implicit;
 pub use krylov::{
     CoarseSpace, Hints, Krylov, KrylovMethod, KrylovOptions, KrylovReport, NullSpace, Spring,

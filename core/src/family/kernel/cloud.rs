@@ -4,9 +4,9 @@
 
 use super::lattice::lanes;
 use super::{Bits, Bond, BondKernel, Output, SweepInputs};
-#[cfg(target_arch = "x86_64")]
-use super::{InstructionSet, instructions};
 use crate::family::{Chunk, CloudRows, FamilySpec, Rows, SlotPlaces};
+#[cfg(target_arch = "x86_64")]
+use crate::instructions::{self, InstructionSet};
 
 /// Bonds of a row that are computed together on a cloud: two AVX2 registers.
 pub(in crate::family) const ROW_LANES: usize = 8;

@@ -1,4 +1,4 @@
-//! The sweep over all bonds: the only module with `unsafe`, and the only one that must be fast.
+//! The sweep over all bonds, which must be fast.
 //!
 //! On a lattice neighbouring points advance together through the shared stencil ([`lattice`]), on a cloud the bonds of a
 //! point ([`cloud`]). The compiler vectorises the loops over lanes for AVX2 and AVX-512, one of which is chosen at run
@@ -13,9 +13,10 @@ use super::blocks::BlockHead;
 use super::broken::Bits;
 use super::growing::GrowingBonds;
 use super::{BrokenBonds, Chunk, CloudRows, Family, Rows, Span, StencilBonds, Store};
+#[cfg(target_arch = "x86_64")]
+use crate::instructions::InstructionSet;
 
 mod cloud;
-mod instructions;
 mod lattice;
 mod pairs;
 mod sums;
@@ -27,7 +28,6 @@ use cloud::sweep_cloud;
 #[cfg(target_arch = "x86_64")]
 use cloud::sweep_cloud_avx2;
 pub(super) use cloud::{ROW_LANES, RowOwner, Weighing};
-pub use instructions::{InstructionSet, limit_instructions};
 #[cfg(not(target_arch = "x86_64"))]
 use lattice::sweep_lattice;
 #[cfg(target_arch = "x86_64")]
@@ -219,7 +219,7 @@ impl Family {
             broken,
         };
         if const { K::PAIRED > 0 }
-            && instructions::can_fuse()
+            && crate::instructions::can_fuse()
             && let Store::Lattice(_, pairs) = &self.store
             && let Some(pairs) = pairs.get_or_init(|| Pairs::new(self).map(Box::new))
         {
@@ -403,7 +403,7 @@ impl Family {
         match &self.store {
             Store::Cloud(cloud) | Store::Moving(cloud, _) => {
                 #[cfg(target_arch = "x86_64")]
-                match instructions::used() {
+                match crate::instructions::used() {
                     InstructionSet::Baseline => {
                         self.sweep_plainly(kernel, inputs, output, chunk, None)
                     }
@@ -421,7 +421,7 @@ impl Family {
                 let family = self;
                 let sweep = LatticeSweep { family, bonds };
                 #[cfg(target_arch = "x86_64")]
-                match instructions::used() {
+                match crate::instructions::used() {
                     InstructionSet::Baseline => {
                         self.sweep_plainly(kernel, inputs, output, chunk, None)
                     }

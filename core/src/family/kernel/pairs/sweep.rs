@@ -8,9 +8,9 @@ use crate::family::blocks::{BLOCK, BlockHead};
 use crate::family::kernel::lattice::{LaneBonds, lanes, sum_lanes};
 use crate::family::kernel::sums::{Output, Planes};
 use crate::family::kernel::{BondKernel, SweepInputs, for_each, inputs_at};
-#[cfg(target_arch = "x86_64")]
-use crate::family::kernel::{InstructionSet, instructions};
 use crate::family::{Family, StencilBond};
+#[cfg(target_arch = "x86_64")]
+use crate::instructions::{self, InstructionSet};
 
 /// Blocks whose sums a thread copies to the output at a time.
 const CHUNK: usize = 64;
