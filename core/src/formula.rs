@@ -56,6 +56,9 @@ pub const FUNCTIONS: [&str; 32] = [
     "fire_external",
 ];
 
+/// Functions of two arguments.
+const OF_TWO: [&str; 3] = ["atan2", "min", "max"];
+
 literal_matcher_from_pattern!(
     ScientificNumber,
     r"^([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
@@ -155,7 +158,8 @@ impl Formula {
         if let Some(name) = unknown_function(text, variables) {
             return Err(unknown(name));
         }
-        let parsed = Expression::parse(&with_usual_signs(text)).map_err(syntax)?;
+        let rewritten = with_operators(&with_usual_signs(text));
+        let parsed = Expression::parse(&rewritten).map_err(syntax)?;
         let place = |name: &String| {
             let known = variables.iter().chain(&["pi"]).position(|v| v == name);
             known.ok_or_else(|| unknown(name))
@@ -232,6 +236,46 @@ fn with_usual_signs(text: &str) -> Cow<'_, str> {
         }
     }
     rewritten.into()
+}
+
+/// The formula for a parser that does not read a function of two arguments in the second argument of another one: `min(a, b)`
+/// becomes `((a) min (b))`.
+fn with_operators(text: &str) -> String {
+    let is_of_name = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let mut names = text.match_indices(is_of_name).map(|(at, _)| at);
+    let found = names.find_map(|at| {
+        if text[..at].ends_with(is_of_name) {
+            return None;
+        }
+        let name = OF_TWO.iter().find(|name| text[at..].starts_with(**name))?;
+        let (first, second, rest) = two_arguments(&text[at + name.len()..])?;
+        let [first, second, rest] = [first, second, rest].map(with_operators);
+        Some(format!(
+            "{}(({first}) {name} ({second})){rest}",
+            &text[..at]
+        ))
+    });
+    found.unwrap_or_else(|| text.into())
+}
+
+/// Two arguments in parentheses at the start of a text, and what follows.
+fn two_arguments(text: &str) -> Option<(&str, &str, &str)> {
+    let inside = text.trim_start().strip_prefix('(')?;
+    let (mut depth, mut comma) = (0, None);
+    for (at, c) in inside.char_indices() {
+        match c {
+            '(' => depth += 1,
+            ')' if depth == 0 => {
+                let (first, second) = inside[..at].split_at(comma?);
+                return Some((first, &second[1..], &inside[at + 1..]));
+            }
+            ')' => depth -= 1,
+            ',' if depth == 0 && comma.is_some() => return None,
+            ',' if depth == 0 => comma = Some(at),
+            _ => {}
+        }
+    }
+    None
 }
 
 /// The first name in front of a parenthesis that is no function: the parser calls it an operand without an operator.
@@ -341,6 +385,28 @@ impl JsonSchema for Formula {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn functions_of_two_arguments_stand_in_both_arguments_of_others() {
+        for (text, value) in [
+            ("min(1, max(0, t))", 0.5),
+            ("min(max(0, t), 1)", 0.5),
+            ("min(1, 2 + max(0, t))", 1.0),
+            (
+                "max( atan2 (t, 1) , min(-1,-max(2, t)) )",
+                0.5_f64.atan2(1.0),
+            ),
+            ("2 * min(3, max(1, min(t, 7)))^2 + sin(max(0, 0 * t))", 2.0),
+            ("-max(1, max(t, 2))^2", -4.0),
+            ("min(sqrt(max(4, t)), 3)", 2.0),
+        ] {
+            let formula = Formula::new(text).unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(formula.at([0.0; 3], 0.5), value, "{text}");
+        }
+        for text in ["min(1)", "min(1, 2, 3)", "max(1, min(2)", "min 1, 2"] {
+            assert!(Formula::new(text).is_err(), "{text}");
+        }
+    }
 
     #[test]
     fn formulas_are_evaluated_at_a_place_and_time() {

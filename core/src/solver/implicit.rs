@@ -18,7 +18,7 @@
 use super::error::{SolverError, positive};
 use super::krylov::Hints;
 use super::newton::{Newton, NewtonOptions, NewtonReport};
-use super::reduce::{norm, sum_points};
+use super::reduce::{are_equal, norm, sum_points};
 use super::rhs::{At, Rhs};
 use super::vector::update;
 
@@ -183,7 +183,7 @@ impl StepEquation<'_> {
     /// Finds the state, unless the unknowns are unchanged, as in all products with one tangent.
     fn find_state(&mut self, unknowns: &[f64]) {
         let work = &mut *self.work;
-        if work.unknowns != unknowns {
+        if !are_equal(&work.unknowns, unknowns) {
             work.unknowns.clear();
             work.unknowns.extend_from_slice(unknowns);
             self.rhs.state(unknowns, &mut work.state, &mut work.slope);

@@ -124,6 +124,13 @@ pub fn norm(values: &[f64]) -> f64 {
     sum_of([values], |[value]| value * value).sqrt()
 }
 
+/// Whether two vectors have the same length and entries.
+pub fn are_equal(a: &[f64], b: &[f64]) -> bool {
+    let [parts_of_a, parts_of_b] = [a, b].map(|vector| vector.par_chunks(CHUNK));
+    let parts = parts_of_a.zip(parts_of_b).with_min_len(PARALLEL / CHUNK);
+    a.len() == b.len() && parts.all(|(a, b)| a == b)
+}
+
 /// `max_i |a_i|`, 0 for an empty vector, NaN if an entry is NaN.
 pub fn max_abs(values: &[f64]) -> f64 {
     let parts = values.par_chunks(CHUNK).with_min_len(PARALLEL / CHUNK);

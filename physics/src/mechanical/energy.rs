@@ -56,13 +56,13 @@ impl MechanicalRun {
         let kinetic = self.fields.velocity.map_or(0.0, |velocity| {
             let velocity = world.read::<Vector3<f64>>(velocity.into());
             let nodes = self.nodes();
-            let (velocity, _) = nodes
-                .values(&velocity, &self.state.corners.velocity)
-                .as_chunks::<3>();
+            let of_nodes = nodes.values(&velocity, &self.state.corners.velocity);
+            let (velocity, _) = of_nodes.as_chunks::<3>();
             let (density, volume) = (&self.node_density, nodes.volumes(world.body(self.body)));
+            let added = self.solid.added_kinetic_energy(of_nodes, volume);
             let square = |i: usize| Vector3::from(velocity[i]).norm_squared();
             let of_node = |i: usize| 0.5 * density[i] * volume[i] * square(i);
-            sum_points(volume.len(), |i| [of_node(i)])[0]
+            sum_points(volume.len(), |i| [of_node(i)])[0] + added
         });
         Energy {
             kinetic,

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
-use perimelt_core::solver::reduce::sum_points;
+use perimelt_core::solver::reduce::{are_equal, sum_points};
 use perimelt_core::solver::{Dynamics, HalfKick, SolverError, VerletState};
 use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
@@ -258,12 +258,6 @@ fn half_work_of_change(volume: &[f64], [before, now]: [&[f64]; 2], displacement:
         return 0.0;
     }
     0.5 * (work_of(volume, before, displacement) - work_of(volume, now, displacement))
-}
-
-/// Whether two vectors have the same length and entries.
-fn are_equal(a: &[f64], b: &[f64]) -> bool {
-    let [parts_of_a, parts_of_b] = [a, b].map(|vector| vector.par_chunks(4096));
-    a.len() == b.len() && parts_of_a.zip(parts_of_b).all(|(a, b)| a == b)
 }
 
 impl Dynamics for SolidDynamics<'_> {

@@ -93,6 +93,11 @@ pub trait Solid: Debug + Sync {
     /// inertia. `inverse_density` is that of components, m³/kg, zero where they are held.
     fn subtract_added_inertia(&mut self, _inverse_density: &[f64], _force: &mut [f64]) {}
 
+    /// Kinetic energy of that inertia by velocities of nodes (m/s) of these volumes (m³), J.
+    fn added_kinetic_energy(&self, _velocity: &[f64], _volume: &[f64]) -> f64 {
+        0.0
+    }
+
     /// Lets the points for which `is_relieved` says so be free of stress in those modes of the displacement that was set which
     /// have no gradient. Solids without springs for single points have no such modes.
     fn relieve_modes(&mut self, _is_relieved: &dyn Fn(usize) -> bool) {}

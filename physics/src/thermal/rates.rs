@@ -6,7 +6,7 @@
 //! integrates its account, and the balance holds to rounding.
 
 use perimelt_core::material::EnthalpyCurve;
-use perimelt_core::solver::reduce::{norm, sum_of, sum_points};
+use perimelt_core::solver::reduce::{are_equal, norm, sum_of, sum_points};
 use perimelt_core::solver::{At, Rhs, SolverError};
 use rayon::prelude::*;
 
@@ -329,7 +329,7 @@ impl EnthalpyRate<'_> {
     fn linearise(&mut self, at: At<'_>) -> Linearisation {
         let flow = &mut self.0;
         let mut base = std::mem::take(&mut flow.vectors.base);
-        if base.state != at.state {
+        if !are_equal(&base.state, at.state) {
             base.state.clear();
             base.state.extend_from_slice(at.state);
             base.rate.clear();

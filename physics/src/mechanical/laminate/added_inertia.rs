@@ -11,6 +11,7 @@
 //! moments are kept. Motion is stable if `dt²/4` times the stiffness without K'' is no more than M (docs/theory/laminates.md, "Stable step and equilibrium").
 
 use nalgebra::{DMatrix, DVector};
+use perimelt_core::solver::reduce::sum_points;
 use rayon::prelude::*;
 
 use super::LayerSolid;
@@ -74,27 +75,52 @@ impl Stack {
 
     /// Squares of the largest frequencies of a column, for shear and for opening, that are left beside the added inertia of a share.
     pub(super) fn largest_squares(&self, springs: &Springs, share: f64) -> [f64; 2] {
-        let added = self.stiffness(springs, share);
-        let mass = self.thickness.iter().zip(&self.density);
-        let mass: Vec<f64> = mass.map(|(t, rho)| t * rho).collect();
+        let added = self.added(&self.stiffness(springs, share));
         [&springs.shear, &springs.opening].map(|springs| {
-            let layers = mass.len();
-            let mut matrix = DMatrix::zeros(layers, layers);
-            let mut add = |first: usize, coefficients: &[f64], stiffness: f64| {
-                let mut row = DVector::zeros(layers);
-                for (n, coefficient) in coefficients.iter().enumerate() {
-                    row[first + n] = coefficient / mass[first + n].sqrt();
-                }
-                matrix.ger(stiffness, &row, &row, 1.0);
-            };
-            for (number, stiffness) in springs.iter().enumerate() {
-                add(number, &[-1.0, 1.0], *stiffness);
-            }
-            for (number, (difference, added)) in self.differences().zip(&added).enumerate() {
-                add(number, &difference, -added);
-            }
-            matrix.symmetric_eigenvalues().max()
+            let left = self.between_layers(springs) - &added;
+            left.symmetric_eigenvalues().max()
         })
+    }
+
+    /// Relative inertia that a share adds to the first wave of opening across the layers, over the square of half of the step, 1/s².
+    pub(super) fn inertia_of_first_wave(&self, springs: &Springs, share: f64) -> f64 {
+        let waves = self.between_layers(&springs.opening).symmetric_eigen();
+        let mut order: Vec<usize> = (0..waves.eigenvalues.len()).collect();
+        order.sort_by(|a, b| waves.eigenvalues[*a].total_cmp(&waves.eigenvalues[*b]));
+        // the first mode is the translation
+        let Some(first) = order.get(1) else {
+            return 0.0;
+        };
+        let first = waves.eigenvectors.column(*first);
+        let added = self.added(&self.stiffness(springs, share));
+        first.dot(&(added * first))
+    }
+
+    /// Stiffness of springs between layers over their masses, 1/s².
+    fn between_layers(&self, springs: &[f64]) -> DMatrix<f64> {
+        self.over_masses(springs.iter().map(|_| [-1.0, 1.0]), springs)
+    }
+
+    /// K'' over the masses of layers, 1/s².
+    fn added(&self, stiffness: &[f64]) -> DMatrix<f64> {
+        self.over_masses(self.differences(), stiffness)
+    }
+
+    /// `sum_n k_n b_n b_n^T` over the masses of layers, with the coefficients `b_n` from the layer n on.
+    fn over_masses<const N: usize>(
+        &self,
+        coefficients: impl Iterator<Item = [f64; N]>,
+        stiffness: &[f64],
+    ) -> DMatrix<f64> {
+        let masses = self.thickness.iter().zip(&self.density);
+        let roots: Vec<f64> = masses.map(|(t, rho)| (t * rho).sqrt()).collect();
+        let mut matrix = DMatrix::zeros(roots.len(), roots.len());
+        for (first, (of_layers, stiffness)) in coefficients.zip(stiffness).enumerate() {
+            let mut row = DVector::zeros(roots.len());
+            (0..N).for_each(|n| row[first + n] = of_layers[n] / roots[first + n]);
+            matrix.ger(*stiffness, &row, &row, 1.0);
+        }
+        matrix
     }
 
     /// The added inertia of a share, for steps of any size.
@@ -157,6 +183,28 @@ impl AddedInertia {
             }
         }
         self.work = vec![vec![NO_ROW; layers]; PIECES];
+    }
+
+    /// Kinetic energy of the added inertia, J, by velocities (m/s) and the volumes of points (m³).
+    pub(super) fn kinetic_energy(&self, velocity: &[f64], volume: &[f64]) -> f64 {
+        let Some(inverse_thickness) = self.inverse_thickness.first() else {
+            return 0.0;
+        };
+        let points = volume.len() / self.inverse_thickness.len();
+        let [sum] = sum_points(points, |point| {
+            let of_layer =
+                |layer: usize, axis: usize| velocity[3 * (layer * points + point) + axis];
+            let differences = self.differences.iter().zip(&self.inertia).enumerate();
+            let energy = differences.map(|(first, (b, inertia))| {
+                let square = |axis: usize| {
+                    let second: f64 = (0..3).map(|n| b[n] * of_layer(first + n, axis)).sum();
+                    second * second
+                };
+                0.5 * inertia * (square(0) + square(1) + square(2))
+            });
+            [volume[point] * inverse_thickness * energy.sum::<f64>()]
+        });
+        sum
     }
 
     /// `dt²/4 g` of an inner layer, kg.

@@ -10,14 +10,10 @@ use crate::mechanical::solid::{Solid, Stiffness};
 
 const DENSITY: f64 = 1620.0;
 
-/// Plies much thinner than the spacing.
+/// Twelve plies much thinner than the spacing.
 fn thin(stations: Stations) -> Body {
-    plate(
-        &[0.0, 90.0, 0.0, 90.0],
-        &[2e-5, 4e-5, 2e-5, 2e-5],
-        stations,
-        7,
-    )
+    let (angles, thickness) = ([0.0, 90.0].repeat(6), [2e-5, 4e-5, 2e-5].repeat(4));
+    plate(&angles, &thickness, stations, 7)
 }
 
 /// A laminate that moves with its largest step, s.
@@ -70,7 +66,8 @@ fn what_is_left_of_forces_is_the_mass_times_the_acceleration() {
     let body = thin(Stations::One);
     let (mut laminate, _) = in_motion(&body, false);
     let points = body.points.len();
-    let of_layer = points / 4;
+    let layers = laminate.layers.len();
+    let of_layer = points / layers;
     let mut inverse = vec![1.0 / DENSITY; 3 * points];
     // one component of the second layer, and a column but for its top
     let held = [3 * of_layer + 4, 9, 3 * of_layer + 9, 6 * of_layer + 9];
@@ -82,8 +79,8 @@ fn what_is_left_of_forces_is_the_mass_times_the_acceleration() {
     let own = &laminate.added_inertia;
     for component in 0..3 * of_layer {
         let at = |layer: usize| 3 * of_layer * layer + component;
-        let mut expected: Vec<f64> = (0..4).map(|layer| given[at(layer)]).collect();
-        for first in 0..2 {
+        let mut expected: Vec<f64> = (0..layers).map(|layer| given[at(layer)]).collect();
+        for first in 0..layers - 2 {
             let z = &laminate.heights[first..first + 3];
             let [below, above] = [1.0 / (z[1] - z[0]), 1.0 / (z[2] - z[1])];
             let b = [below, -below - above, above];

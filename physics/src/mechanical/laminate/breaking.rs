@@ -1,12 +1,14 @@
 //! Bonds of a laminate beyond their limits, which break.
 
 use perimelt_core::Bond;
+use perimelt_core::family::Mirrored;
 
 use super::Laminate;
 use super::failure::{BondSet, Failure};
 use super::interface::Interface;
 use super::kernels::{
-    BondLoad, Excess, InterfaceEnergy, InterfaceLoad, LIMITS, LOAD_INPUTS, Load, SHEAR_LOAD_INPUTS,
+    BondLoad, Excess, InterfaceEnergy, InterfaceLoad, LIMITS, LOAD_INPUTS, Load, MixedLoad,
+    SHEAR_LOAD_INPUTS, UNBREAKABLE,
 };
 use crate::mechanical::exceeding::{Breakable, Exceeding};
 use crate::mechanical::fracture::NewBreaks;
@@ -101,6 +103,7 @@ impl Laminate {
         found: &mut Vec<Exceeding>,
     ) {
         self.sum_sliding_energy(failure, interface);
+        let before = found.len();
         let points = self.points_of_layer();
         let [opening, sliding] = [BondSet::Opening(interface), BondSet::Sliding(interface)];
         let [opening, sliding] = [opening, sliding].map(|set| failure.number(set));
@@ -113,30 +116,50 @@ impl Laminate {
             } = &self.interfaces[interface];
             let of_opening = 0.5 * modulus[point] * crossing.distance * stretch * stretch;
             let energies = [of_opening, self.work.scalars[point][0] + taken[point]];
-            let shares = energies.iter().zip(limits[point]);
-            let sum: f64 = shares.map(|(e, limit)| (e / limit).powf(exponent)).sum();
+            // loads grow as the root of energies
+            let loads = [0, 1].map(|mode| (energies[mode] / limits[point][mode]).sqrt());
+            let ratio = mixed(loads, exponent);
             // neighbours may have broken all pairs of a point
             let pairs_left = self.plane.bonds_of(point) - failure.of_interface(interface).of(point);
-            let sum = if pairs_left == 0 { sum.max(1.0) } else { sum };
-            if !(sum >= 1.0) {
+            let ratio = if pairs_left == 0 {
+                ratio.max(1.0)
+            } else {
+                ratio
+            };
+            if ratio < 1.0 {
                 continue;
             }
-            // loads grow as the root of energies
-            let ratio = sum.powf(0.5 / exponent);
             found.push(Exceeding {
                 ratio,
                 set: opening,
                 point,
                 slot: self.plane.slot_of(point),
             });
-            let can_break = |slot| match self.plane.point_in(slot) {
-                Some(other) => limits[other][1].is_finite(),
-                None => true,
-            };
-            let of_pairs = |_, _, _: &Bond, slot| if can_break(slot) { ratio } else { 0.0 };
-            let breakable = failure.breakable(sliding, &self.plane);
-            breakable.find_exceeding(std::iter::once(point), of_pairs, found);
         }
+        if found.len() == before {
+            return;
+        }
+        // by slot, so that pairs across periodic faces break at both ends
+        let mut loads = std::mem::take(&mut self.work.loads);
+        loads.clear();
+        loads.extend(limits.iter().map(|[_, sliding]| match sliding.is_finite() {
+            true => 0.0,
+            false => UNBREAKABLE,
+        }));
+        let open = found[before..].iter();
+        open.for_each(|open| loads[open.point] = open.ratio);
+        let mut slots = std::mem::take(&mut self.work.load_slots);
+        slots.load(&self.plane, &loads[..], Mirrored::Scalar);
+        let breakable = failure.breakable(sliding, &self.plane);
+        find_loaded(
+            breakable,
+            &MixedLoad,
+            [&slots],
+            &mut self.work.scalars,
+            found,
+        );
+        self.work.load_slots = slots;
+        self.work.loads = loads;
     }
 
     /// Stretch of the bond of a point across an interface, without its stress-free part.
@@ -204,6 +227,16 @@ impl Laminate {
         specialise!(FINITE = self.base.is_finite() =>
             find_loaded(breakable, &InterfaceLoad::<FINITE>(crossing), inputs, excess, found));
     }
+}
+
+/// `(a^(2 m) + b^(2 m))^(1 / (2 m))` of two loads over their limits.
+fn mixed([a, b]: [f64; 2], exponent: f64) -> f64 {
+    let [small, large] = [a.min(b), a.max(b)];
+    if small == 0.0 {
+        return large;
+    }
+    let sum = 1.0 + (small / large).powf(2.0 * exponent);
+    large * sum.powf(0.5 / exponent)
 }
 
 /// Adds the bonds of a set beyond their limit to `found`; only those of points with an `excess` are examined, which it becomes.

@@ -12,7 +12,10 @@ use crate::mechanical::classical::symmetric;
 use crate::plies::plane_direction;
 
 /// Shares of the stiffness across that added inertia has, the smallest first.
-const SHARES: [f64; 4] = [0.0, 1.0 / 16.0, 0.25, 1.0];
+const SHARES: [f64; 7] = [0.0, 1.0 / 16.0, 0.25, 1.0, 4.0, 16.0, 64.0];
+
+/// Inertia that the first wave across the layers may have added, over its own.
+const LARGEST_INERTIA: f64 = 0.02;
 
 /// The square of the frequency that a smaller share may leave, over the smallest one.
 const ENOUGH: f64 = 1.1;
@@ -189,7 +192,10 @@ impl Laminate {
             let bounds = SPLITS.map(|split| of_layers(split, of_column));
             (*share, bounds.into_iter().fold(f64::INFINITY, f64::min))
         };
-        let bounds: Vec<(f64, f64)> = shares.iter().map(bound).collect();
+        let bounds = shares.iter().map(bound).filter(|(share, bound)| {
+            stack.inertia_of_first_wave(&springs, *share) <= LARGEST_INERTIA * bound
+        });
+        let bounds: Vec<(f64, f64)> = bounds.collect();
         let smallest = bounds.iter().fold(f64::INFINITY, |m, (_, b)| m.min(*b));
         let enough = |(_, bound): &&(f64, f64)| *bound <= ENOUGH * smallest;
         let (share, bound) = bounds.iter().find(enough).expect("one is the smallest");

@@ -206,6 +206,22 @@ pub(super) trait BondLoad<const I: usize>: Sync {
     fn ratio(&self, bond: &Bond, own: &[f64; I], other: &[f64; I]) -> f64;
 }
 
+/// Stands for the load of points whose bonds never break.
+pub(super) const UNBREAKABLE: f64 = f64::NEG_INFINITY;
+
+/// The larger load of the interface at either end.
+pub(super) struct MixedLoad;
+
+impl BondLoad<1> for MixedLoad {
+    #[inline(always)]
+    fn ratio(&self, _: &Bond, [own]: &[f64; 1], [other]: &[f64; 1]) -> f64 {
+        match own.min(*other) {
+            UNBREAKABLE => 0.0,
+            _ => own.max(*other),
+        }
+    }
+}
+
 /// Excess of bonds over their limits, relative.
 pub(super) struct Excess<'a, L>(pub(super) &'a L);
 

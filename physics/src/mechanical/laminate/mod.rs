@@ -129,6 +129,9 @@ struct Work {
     pairs: Vec<[f64; 6]>,
     /// Of fibres by themselves.
     added: Vec<f64>,
+    /// Loads of an interface over its limits, by point and by slot.
+    loads: Vec<f64>,
+    load_slots: SlotField,
 }
 
 impl Work {
@@ -138,6 +141,8 @@ impl Work {
             vectors: vec![[0.0; 3]; points],
             pairs: vec![[0.0; 6]; points],
             added: Vec::new(),
+            loads: Vec::new(),
+            load_slots: SlotField::default(),
         }
     }
 }

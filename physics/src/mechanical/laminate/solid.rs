@@ -197,6 +197,10 @@ impl Solid for Laminate {
         self.added_inertia.set_step(step);
     }
 
+    fn added_kinetic_energy(&self, velocity: &[f64], volume: &[f64]) -> f64 {
+        self.added_inertia.kinetic_energy(velocity, volume)
+    }
+
     fn subtract_added_inertia(&mut self, inverse_density: &[f64], force: &mut [f64]) {
         self.added_inertia.subtract(inverse_density, force);
     }

@@ -83,14 +83,14 @@ impl PlyStrength {
             return Err(SetupError::value("fracture.interface", message, expected));
         }
         if let Some(exponent) = section.mixed_mode_exponent
-            && !(exponent > 0.0 && exponent.is_finite())
+            && !(0.1..=100.0).contains(&exponent)
         {
             let key = "fracture.mixed_mode_exponent";
             let message = format!("the exponent of the energies is {exponent}");
             return Err(SetupError::value(
                 key,
                 message,
-                "a number above 0, usually 1 or 2",
+                "a number from 0.1 to 100, usually 1 or 2",
             ));
         }
         Ok(PlyStrength {
