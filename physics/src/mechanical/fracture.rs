@@ -243,14 +243,11 @@ impl Fracture {
             ("limits", section.limits == Limits::Published),
             ("mixed_mode_exponent", section.mixed_mode_exponent.is_some()),
         ];
-        for (key, _) in of_plies.iter().filter(|(_, is_given)| *is_given) {
+        if let Some((key, _)) = of_plies.iter().find(|(_, is_given)| *is_given) {
             let message = format!("`{key}` belongs to plies");
             let expected = format!("no `{key}`, or `law.lamina`");
-            return Err(SetupError::value(
-                &format!("fracture.{key}"),
-                message,
-                expected,
-            ));
+            let key = format!("fracture.{key}");
+            return Err(SetupError::value(key, message, expected));
         }
         let crossings = Crossings::of(interface, *criterion, setup, body, family)?;
         let this = setup.body(body);

@@ -6,9 +6,10 @@ use perimelt_core::family::Mirrored;
 use super::Laminate;
 use super::failure::{BondSet, Failure};
 use super::interface::Interface;
-use super::kernels::{
-    BondLoad, Excess, InterfaceEnergy, InterfaceLoad, LIMITS, LOAD_INPUTS, Load, MixedLoad,
-    SHEAR_LOAD_INPUTS, UNBREAKABLE,
+use super::kernels::InterfaceEnergy;
+use super::loads::{
+    BondLoad, Excess, InterfaceLoad, LIMITS, LOAD_INPUTS, Load, MixedLoad, SHEAR_LOAD_INPUTS,
+    UNBREAKABLE,
 };
 use crate::mechanical::exceeding::{Breakable, Exceeding};
 use crate::mechanical::fracture::NewBreaks;

@@ -193,12 +193,13 @@ impl Laminate {
             (*share, bounds.into_iter().fold(f64::INFINITY, f64::min))
         };
         let bounds = shares.iter().map(bound).filter(|(share, bound)| {
-            stack.inertia_of_first_wave(&springs, *share) <= LARGEST_INERTIA * bound
+            let added = stack.inertia_of_first_wave(&springs, *share);
+            *share == 0.0 || added <= LARGEST_INERTIA * bound
         });
         let bounds: Vec<(f64, f64)> = bounds.collect();
         let smallest = bounds.iter().fold(f64::INFINITY, |m, (_, b)| m.min(*b));
         let enough = |(_, bound): &&(f64, f64)| *bound <= ENOUGH * smallest;
-        let (share, bound) = bounds.iter().find(enough).expect("one is the smallest");
+        let (share, bound) = bounds.iter().find(enough).unwrap_or(&bounds[0]);
         self.added_inertia = match *share > 0.0 {
             true => stack.added_inertia(&springs, *share),
             false => AddedInertia::default(),

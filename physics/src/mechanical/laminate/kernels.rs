@@ -14,7 +14,7 @@
 use perimelt_core::{Bond, BondKernel};
 
 use super::weights::{PARTS, PlyBonds};
-use crate::plies::{TensorBonds, is_along, plane_direction};
+use crate::plies::{TensorBonds, plane_direction};
 
 /// Inputs of the kernels of a ply; the first three are the displacement, m.
 pub(super) const INPUTS: usize = MATRIX + PARTS;
@@ -31,8 +31,8 @@ type Inputs = [f64; INPUTS];
 
 /// A bond that is stretched.
 #[derive(Clone, Copy)]
-struct Stretched {
-    stretch: f64,
+pub(super) struct Stretched {
+    pub(super) stretch: f64,
     /// Unit vector along the bond; the reference one in linear kinematics.
     direction: [f64; 3],
 }
@@ -108,7 +108,7 @@ pub(super) fn of_fibre(law: &PlyBonds, bond: &Bond, own: &Inputs, other: &Inputs
 
 /// Stretch without the mean of the stress-free strains of both ends.
 #[inline(always)]
-fn elastic<const FINITE: bool, const I: usize>(
+pub(super) fn elastic<const FINITE: bool, const I: usize>(
     bond: &Bond,
     own: &[f64; I],
     other: &[f64; I],
@@ -200,69 +200,6 @@ impl<const FINITE: bool> BondKernel<INPUTS, 3> for PlyStress<FINITE> {
     }
 }
 
-/// Load of bonds over their limits.
-pub(super) trait BondLoad<const I: usize>: Sync {
-    /// That of a bond with inputs at both ends.
-    fn ratio(&self, bond: &Bond, own: &[f64; I], other: &[f64; I]) -> f64;
-}
-
-/// Stands for the load of points whose bonds never break.
-pub(super) const UNBREAKABLE: f64 = f64::NEG_INFINITY;
-
-/// The larger load of the interface at either end.
-pub(super) struct MixedLoad;
-
-impl BondLoad<1> for MixedLoad {
-    #[inline(always)]
-    fn ratio(&self, _: &Bond, [own]: &[f64; 1], [other]: &[f64; 1]) -> f64 {
-        match own.min(*other) {
-            UNBREAKABLE => 0.0,
-            _ => own.max(*other),
-        }
-    }
-}
-
-/// Excess of bonds over their limits, relative.
-pub(super) struct Excess<'a, L>(pub(super) &'a L);
-
-impl<const I: usize, L: BondLoad<I>> BondKernel<I, 1> for Excess<'_, L> {
-    const PAIRED: usize = 1;
-
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; 1] {
-        [(self.0.ratio(bond, &own, &other) - 1.0).max(0.0)]
-    }
-
-    #[inline(always)]
-    fn ends(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [[f64; 1]; 2] {
-        [self.bond(bond, own, other); 2]
-    }
-}
-
-/// Inputs of [`Load`]: displacement and stress-free strain, and the limits of the stretch.
-pub(super) const LOAD_INPUTS: usize = LIMITS + 2;
-/// Limits in tension and in compression, both positive, infinite where bonds never break.
-pub(super) const LIMITS: usize = PRESSURE;
-
-/// Stretch of the bonds of a ply over the means of the limits of both ends.
-pub(super) struct Load<const FINITE: bool> {
-    /// Unit vector along the bonds that break, if not all do.
-    pub(super) along: Option<[f64; 2]>,
-}
-
-impl<const FINITE: bool> BondLoad<LOAD_INPUTS> for Load<FINITE> {
-    #[inline(always)]
-    fn ratio(&self, bond: &Bond, own: &[f64; LOAD_INPUTS], other: &[f64; LOAD_INPUTS]) -> f64 {
-        let is_across = |fibre| !is_along(fibre, plane_direction(bond));
-        if self.along.is_some_and(is_across) {
-            return 0.0;
-        }
-        let stretch = elastic::<FINITE, _>(bond, own, other).stretch;
-        let [tension, compression] = [0, 1].map(|n| 0.5 * (own[LIMITS + n] + other[LIMITS + n]));
-        (stretch / tension).max(-stretch / compression)
-    }
-}
-
 /// Energy density without that of the dilatation, J/m³.
 pub(super) struct PlyEnergy<const FINITE: bool>(pub(super) PlyBonds);
 
@@ -332,11 +269,11 @@ pub(super) struct Crossing {
 }
 
 /// A pair of crossing bonds, from k in the lower layer and to k in the upper one.
-struct CrossingPair {
+pub(super) struct CrossingPair {
     up: Stretched,
     down: Stretched,
     /// Shear angle.
-    angle: f64,
+    pub(super) angle: f64,
     length: f64,
 }
 
@@ -366,7 +303,7 @@ impl Crossing {
     }
 
     #[inline(always)]
-    fn pair<const FINITE: bool, const I: usize>(
+    pub(super) fn pair<const FINITE: bool, const I: usize>(
         &self,
         bond: &Bond,
         own: &[f64; I],
@@ -416,25 +353,6 @@ impl<const FINITE: bool, const BY_POINT: bool> BondKernel<SHEAR_INPUTS, 6>
         let ([ux, uy, uz], [dx, dy, dz]) = (up, down);
         // from the other end the bond down is that up, and the angle is opposite
         [[ux, uy, uz, dx, dy, dz], [-dx, -dy, -dz, -ux, -uy, -uz]]
-    }
-}
-
-/// Inputs of [`InterfaceLoad`]: displacements of two layers, and the limit of the angle, infinite where bonds never break.
-pub(super) const SHEAR_LOAD_INPUTS: usize = 7;
-
-/// Angle of pairs of crossing bonds over the mean of the limits of both ends.
-pub(super) struct InterfaceLoad<const FINITE: bool>(pub(super) Crossing);
-
-impl<const FINITE: bool> BondLoad<SHEAR_LOAD_INPUTS> for InterfaceLoad<FINITE> {
-    #[inline(always)]
-    fn ratio(
-        &self,
-        bond: &Bond,
-        own: &[f64; SHEAR_LOAD_INPUTS],
-        other: &[f64; SHEAR_LOAD_INPUTS],
-    ) -> f64 {
-        let angle = self.0.pair::<FINITE, _>(bond, own, other).angle;
-        angle.abs() / (0.5 * (own[6] + other[6]))
     }
 }
 

@@ -23,6 +23,7 @@ mod interface;
 mod kernels;
 mod law;
 mod limits;
+mod loads;
 mod solid;
 mod strength;
 #[cfg(test)]
