@@ -33,7 +33,7 @@ pub fn sum_of<const N: usize>(inputs: [&[f64]; N], f: impl Fn([f64; N]) -> f64 +
         "vectors of a sum must have equal lengths"
     );
     let [sum] = exact_sums(inputs[0].len(), |range| {
-        [group(inputs.map(|input| &input[range.clone()]), &f)]
+        [ordered_sum(inputs.map(|input| &input[range.clone()]), &f)]
     });
     sum
 }
@@ -62,9 +62,12 @@ fn exact_sums<const N: usize>(
     sums.values()
 }
 
-/// The sum of a group.
+/// The sum of a few entries in one order, as of a group.
 #[inline]
-fn group<const N: usize>(inputs: [&[f64]; N], f: &impl Fn([f64; N]) -> f64) -> f64 {
+pub(super) fn ordered_sum<const N: usize>(
+    inputs: [&[f64]; N],
+    f: &impl Fn([f64; N]) -> f64,
+) -> f64 {
     let len = inputs[0].len();
     let blocks = inputs.map(|input| input[..len].as_chunks::<LANES>());
     let mut lanes = [0.0; LANES];

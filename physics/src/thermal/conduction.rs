@@ -61,8 +61,6 @@ pub(super) struct Conduction {
     /// Heat potential by slot, W/m.
     potential_slots: SlotField,
     potential_field: Vec<f64>,
-    /// Conductivities about which the flow is linear, W/(m K), where they depend on the temperature.
-    slopes: Vec<f64>,
     /// Fields of layer points by slot, taken from the points that they mirror.
     mirrored: MirroredFields,
     /// The conductivity for which slots were loaded last.
@@ -178,7 +176,6 @@ impl Conduction {
             potentials: Vec::new(),
             potential_slots: SlotField::default(),
             potential_field: Vec::new(),
-            slopes: Vec::new(),
             mirrored: MirroredFields::default(),
             loaded: BondConductivity::Uniform,
             powder: None,

@@ -82,8 +82,8 @@ impl Stack {
         })
     }
 
-    /// Relative inertia that a share adds to the first wave of opening across the layers, over the square of half of the step, 1/s².
-    pub(super) fn inertia_of_first_wave(&self, springs: &Springs, share: f64) -> f64 {
+    /// Relative inertia that a share of one adds to the first wave of opening across the layers, over the square of half of the step, 1/s².
+    pub(super) fn inertia_of_first_wave(&self, springs: &Springs) -> f64 {
         let waves = self.between_layers(&springs.opening).symmetric_eigen();
         let mut order: Vec<usize> = (0..waves.eigenvalues.len()).collect();
         order.sort_by(|a, b| waves.eigenvalues[*a].total_cmp(&waves.eigenvalues[*b]));
@@ -92,7 +92,7 @@ impl Stack {
             return 0.0;
         };
         let first = waves.eigenvectors.column(*first);
-        let added = self.added(&self.stiffness(springs, share));
+        let added = self.added(&self.stiffness(springs, 1.0));
         first.dot(&(added * first))
     }
 

@@ -111,7 +111,9 @@ impl Laminate {
         let limits = &failure.limits.energies[interface];
         let taken = &failure.state.sliding_energy[interface * points..][..points];
         for point in (0..points).filter(|point| !failure.is_open(interface, *point)) {
-            let stretch = self.stretch_across(interface, point).max(0.0);
+            let stretch = self
+                .stretch_across(interface, point, self.strained())
+                .max(0.0);
             let Interface {
                 modulus, crossing, ..
             } = &self.interfaces[interface];
@@ -163,18 +165,6 @@ impl Laminate {
         self.work.loads = loads;
     }
 
-    /// Stretch of the bond of a point across an interface, without its stress-free part.
-    fn stretch_across(&self, interface: usize, point: usize) -> f64 {
-        let points = self.points_of_layer();
-        let both = [interface, interface + 1].map(|layer| layer * points + point);
-        let (stretch, _) = self.interfaces[interface].across(
-            self.strained(),
-            both.map(|p| self.displacement[p]),
-            both.map(|p| self.strain_across(p)),
-        );
-        stretch
-    }
-
     /// Bonds of a set of a layer beyond their limits.
     fn find_in_layer(&mut self, failure: &Failure, set: BondSet, found: &mut Vec<Exceeding>) {
         let sets = &failure.limits;
@@ -200,7 +190,7 @@ impl Laminate {
         let limits = &failure.limits.opening[interface];
         let points = self.points_of_layer();
         for point in (0..points).filter(|point| !failure.is_open(interface, *point)) {
-            let ratio = self.stretch_across(interface, point) / limits[point];
+            let ratio = self.stretch_across(interface, point, self.strained()) / limits[point];
             if ratio >= 1.0 {
                 found.push(Exceeding {
                     ratio,

@@ -245,6 +245,16 @@ impl Laminate {
         }
     }
 
+    /// Stretch of the bond of a point across an interface.
+    pub(super) fn stretch_across(&self, number: usize, point: usize, strained: Strained) -> f64 {
+        let points = self.points_of_layer();
+        let both = [number, number + 1].map(|layer| layer * points + point);
+        let displacement = both.map(|p| self.displacement[p]);
+        let free = both.map(|p| self.strain_across(p));
+        let (stretch, _) = self.interfaces[number].across(strained, displacement, free);
+        stretch
+    }
+
     /// Stress-free strain of a point across the plies.
     pub(super) fn strain_across(&self, point: usize) -> f64 {
         self.strain.get(point).map_or(0.0, |strain| strain[2])
@@ -292,8 +302,7 @@ impl Laminate {
             let is_open = |point| failure.is_some_and(|failure| failure.is_open(number, point));
             for point in (0..points).filter(|point| !is_open(*point)) {
                 let both = [number * points + point, (number + 1) * points + point];
-                let displacement = both.map(|p| self.displacement[p]);
-                let (stretch, _) = interface.across(strained, displacement, [0.0; 2]);
+                let stretch = self.stretch_across(number, point, strained);
                 let stress = interface.modulus[point] * interface.crossing.distance * stretch;
                 for (side, point) in both.into_iter().enumerate() {
                     let thickness = self.layers[number + side].thickness;
@@ -361,11 +370,7 @@ impl Laminate {
                 self.plane.sum_unbroken(&InterfaceEnergy::<FINITE>(crossing), inputs, broken, sums));
             for (point, [sum]) in self.work.scalars.iter().enumerate() {
                 let both = [number * points + point, (number + 1) * points + point];
-                let (stretch, _) = interface.across(
-                    strained,
-                    both.map(|p| self.displacement[p]),
-                    both.map(|p| self.strain_across(p)),
-                );
+                let stretch = self.stretch_across(number, point, strained);
                 let of_opening = match failure.is_some_and(|f| f.is_open(number, point)) {
                     true => 0.0,
                     false => 0.5 * interface.modulus[point] * crossing.distance * stretch * stretch,

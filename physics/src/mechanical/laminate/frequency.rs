@@ -192,10 +192,11 @@ impl Laminate {
             let bounds = SPLITS.map(|split| of_layers(split, of_column));
             (*share, bounds.into_iter().fold(f64::INFINITY, f64::min))
         };
-        let bounds = shares.iter().map(bound).filter(|(share, bound)| {
-            let added = stack.inertia_of_first_wave(&springs, *share);
-            *share == 0.0 || added <= LARGEST_INERTIA * bound
-        });
+        let inertia = stack.inertia_of_first_wave(&springs);
+        let bounds = shares
+            .iter()
+            .map(bound)
+            .filter(|(share, bound)| *share == 0.0 || share * inertia <= LARGEST_INERTIA * bound);
         let bounds: Vec<(f64, f64)> = bounds.collect();
         let smallest = bounds.iter().fold(f64::INFINITY, |m, (_, b)| m.min(*b));
         let enough = |(_, bound): &&(f64, f64)| *bound <= ENOUGH * smallest;

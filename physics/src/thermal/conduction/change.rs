@@ -1,9 +1,7 @@
 //! Derivative of the heat flow by the temperature.
 
-use perimelt_core::family::{ByRules, LayerRule};
-use rayon::prelude::*;
-
 use super::{BondConductivity, Conduction, Matter};
+use perimelt_core::family::{ByRules, LayerRule};
 
 impl Conduction {
     /// Takes the conductivities at temperatures (K), which [`Conduction::load_change`] is linear in.
@@ -12,14 +10,7 @@ impl Conduction {
             return plies.linearise(matter, temperature);
         }
         if self.bond_conductivity() == BondConductivity::Potential {
-            let mut slopes = std::mem::take(&mut self.slopes);
-            let points = temperature.par_iter().zip(matter.material).enumerate();
-            let slope = points.with_min_len(4096).map(|(point, (&t, &m))| {
-                let liquid = matter.curves[m as usize].liquid_fraction(t);
-                self.calibration * self.conductivity(point, m, t, liquid)
-            });
-            slope.collect_into_vec(&mut slopes);
-            self.slopes = slopes;
+            self.find_conductivity(matter, temperature);
         }
     }
 
@@ -43,7 +34,7 @@ impl Conduction {
             ..rule.clone()
         };
         let rules: Vec<LayerRule> = matter.rules.iter().map(homogeneous).collect();
-        let (slots, slopes) = (&mut self.potential_slots, &self.slopes);
+        let (slots, slopes) = (&mut self.potential_slots, &self.conductivity_field);
         let ghosts = ByRules(&rules, 0);
         match self.uniform {
             Some(conductivity) => {

@@ -66,15 +66,20 @@ impl Conduction {
         }
     }
 
-    fn load_conductivity(&mut self, matter: &Matter<'_>, temperature: &[f64]) {
-        self.conductivity_field.resize(temperature.len(), 0.0);
+    /// Evaluates the conductivities of points.
+    pub(super) fn find_conductivity(&mut self, matter: &Matter<'_>, temperature: &[f64]) {
         let mut field = std::mem::take(&mut self.conductivity_field);
-        let values = field.par_iter_mut().zip(temperature).zip(matter.material);
-        values.enumerate().for_each(|(point, ((k, &t), &m))| {
+        let points = temperature.par_iter().zip(matter.material).enumerate();
+        let values = points.with_min_len(4096).map(|(point, (&t, &m))| {
             let liquid = matter.curves[m as usize].liquid_fraction(t);
-            *k = self.calibration * self.conductivity(point, m, t, liquid);
+            self.calibration * self.conductivity(point, m, t, liquid)
         });
+        values.collect_into_vec(&mut field);
         self.conductivity_field = field;
+    }
+
+    fn load_conductivity(&mut self, matter: &Matter<'_>, temperature: &[f64]) {
+        self.find_conductivity(matter, temperature);
         let field = &self.conductivity_field[..];
         self.conductivity_slots
             .load(matter.family, field, Mirrored::Scalar);

@@ -1,5 +1,7 @@
 //! A banded symmetric matrix and its Cholesky factor. By hand, since nalgebra has only dense ones.
 
+use crate::solver::reduce::ordered_sum;
+
 /// Relative stiffening of the diagonal. Free bodies have rigid modes and nodes with few points around them
 /// may move freely; both make the matrix singular.
 const STIFFENING: f64 = 1e-8;
@@ -12,21 +14,9 @@ pub(super) struct Banded {
     rows: Vec<f64>,
 }
 
-/// `sum_i a_i b_i` of rows, in an order by their length.
+/// `sum_i a_i b_i` of rows.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    const LANES: usize = 8;
-    let ([a, b], [left, right]) = (
-        [a, b].map(|row| row.as_chunks::<LANES>().0),
-        [a, b].map(|row| row.as_chunks::<LANES>().1),
-    );
-    let mut lanes = [0.0; LANES];
-    for (a, b) in a.iter().zip(b) {
-        (0..LANES).for_each(|lane| lanes[lane] += a[lane] * b[lane]);
-    }
-    let rest = left.iter().zip(right).enumerate();
-    rest.for_each(|(lane, (a, b))| lanes[lane] += a * b);
-    let [a, b, c, d, e, f, g, h] = lanes;
-    ((a + b) + (c + d)) + ((e + f) + (g + h))
+    ordered_sum([a, b], &|[a, b]| a * b)
 }
 
 impl Banded {
