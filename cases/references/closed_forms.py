@@ -12,7 +12,7 @@ from math import acos, cos, exp, inf, pi, radians, sin, sqrt
 import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq, minimize_scalar
-from scipy.special import erf, erfc, k0
+from scipy.special import erf, erfc, iv, k0, kv, kvp
 
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/(m2 K4)
 ABSOLUTE_ZERO = 273.15
@@ -293,6 +293,29 @@ def moving_sources() -> dict[str, float]:
     }
 
 
+def moving_cylinder(peclet: float, terms: int = 60, angles: int = 20000) -> float:
+    """Heat per length over k (T_b - T_0) of a cylinder at T_b that moves; `peclet` is v a / (2 alpha)."""
+    theta = 2 * pi * np.arange(angles) / angles
+    phi, slope = np.zeros(angles), np.zeros(angles)
+    for n in range(terms):
+        part = (1 if n == 0 else 2) * iv(n, peclet) * np.cos(n * theta)
+        phi += part
+        slope += part * peclet * kvp(n, peclet) / kv(n, peclet)
+    gradient = np.exp(-peclet * np.cos(theta)) * (slope - peclet * np.cos(theta) * phi)
+    return float(-2 * pi * gradient.mean())
+
+
+def keyholes() -> dict[str, float]:
+    """Cylinders at the boiling temperature."""
+    fit = 2.1995 + 6.2962 - 0.4994 + 0.0461
+    factor = moving_cylinder(1)
+    return {
+        "keyhole-moving-cylinder: factor": factor,
+        "keyhole-moving-cylinder: factor, Lankalapalli's polynomial": fit,
+        "keyhole-moving-cylinder: power of half, W": factor * 30 * 2700 * 2.5e-5 / 2,
+    }
+
+
 def welded_joint() -> dict[str, float]:
     """Part of a double ellipsoid that lies within half of a plate of 9 mm: `butt_weld`."""
 
@@ -475,7 +498,7 @@ def metal_and_gas() -> dict[str, float]:
 def values() -> dict[str, float]:
     """All numbers by name."""
     found: dict[str, float] = {}
-    parts = (resistances, uniform_bodies, cells_in_gas, cooled_half_spaces, plates, growing_rod, square_plate, moving_sources)
+    parts = (resistances, uniform_bodies, cells_in_gas, cooled_half_spaces, plates, growing_rod, square_plate, moving_sources, keyholes)
     for part in (*parts, welded_joint, bars, fluids, wetting, metal_and_gas):
         found |= part()
     for name, start, plasticity in (

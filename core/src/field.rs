@@ -324,6 +324,20 @@ impl Fields {
             .position(|f| f.body == body && f.name == name)
     }
 
+    /// The same fields of bodies with these numbers of points, all zero.
+    pub(crate) fn of_size(&self, points: impl Fn(usize) -> usize) -> Fields {
+        let of_size = |field: &Field| Field {
+            body: field.body,
+            name: field.name.clone(),
+            unit: field.unit.clone(),
+            data: RefCell::new(Data::zeros(field.data().components(), points(field.body))),
+            changes: Cell::new(0),
+        };
+        Fields {
+            fields: self.fields.iter().map(of_size).collect(),
+        }
+    }
+
     /// Every field, in the order of declaration.
     pub fn iter(&self) -> impl Iterator<Item = &Field> {
         self.fields.iter()

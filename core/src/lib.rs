@@ -49,6 +49,7 @@ pub mod solver;
 pub mod stepping;
 pub mod surface_tension;
 pub mod text;
+pub mod transport;
 pub mod world;
 
 pub use axis::Axis;

@@ -142,7 +142,7 @@ impl RunningCoupler for RunningPhaseChange {
     }
 }
 
-perimelt_core::register_coupler!("phase_change", PhaseChange, supports: [Motion, Flow, Births, Cuts, Window]);
+perimelt_core::register_coupler!("phase_change", PhaseChange, supports: [Motion, Flow, Births, Cuts, Window, Division]);
 
 #[cfg(test)]
 mod tests {

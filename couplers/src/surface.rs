@@ -66,7 +66,7 @@ pub(crate) fn select(
         let points = setup.region(body, "region", name)?.points;
         cells.retain(|cell| points.binary_search(&cell.point).is_ok());
     }
-    if cells.is_empty() {
+    if !setup.world().processes().any(!cells.is_empty()) {
         let names: Vec<_> = faces.iter().map(|f| f.name()).collect();
         let place = region.map_or_else(String::new, |r| format!(" of region `{r}`"));
         return Err(SetupError::value(

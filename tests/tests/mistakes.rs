@@ -831,3 +831,39 @@ fn mistakes_of_metal_and_gas() {
     }
     insta::assert_snapshot!(told);
 }
+
+const KEYHOLE: &str = include_str!("../../cases/verification/keyhole-moving-cylinder.toml");
+
+#[test]
+fn mistakes_of_a_keyhole() {
+    let told = |(right, wrong): (&str, &str)| {
+        perimelt_tests::message(
+            "keyhole.toml",
+            perimelt_tests::changed(KEYHOLE, right, wrong),
+        )
+    };
+    let penetration = "penetration = \"keyhole\"";
+    let all = [
+        ("boiling_temperature = 3000", ""),
+        (
+            penetration,
+            "penetration = \"keyhole\"\npenetration_depth = 1e-5",
+        ),
+        (
+            penetration,
+            "penetration = \"exponential\"\nreflections = true",
+        ),
+        (penetration, "penetration = \"keyhol\""),
+        (
+            penetration,
+            "penetration = \"keyhole\"\nheated_surface.direction = [1, 0, -1]",
+        ),
+        ("spacing = 1.25e-5", "spacing = 1.25e-5\ndimension = 2"),
+        (
+            "spacing = 1.25e-5",
+            "spacing = 1.25e-5\njitter = { amplitude = 0.1, seed = 1 }",
+        ),
+    ]
+    .map(told);
+    insta::assert_snapshot!(all.join("\n\n"));
+}

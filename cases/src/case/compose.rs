@@ -2,6 +2,7 @@
 
 use perimelt_core::material::MaterialError;
 use perimelt_core::simulation::{Culprit, TimeOptions};
+use perimelt_core::transport::Processes;
 use perimelt_core::{Problem, RunError, SetupError, Simulation, World, folder};
 
 use super::bodies::suggest;
@@ -31,6 +32,14 @@ impl Case {
     /// The mistakes in the tables of plugins and bodies, else those that plugins find, else those of initial fields, of
     /// the log and of probes.
     pub fn compose(&self) -> Result<Simulation, CaseError> {
+        self.compose_shared(Processes::ALONE)
+    }
+
+    /// [`Case::compose`] for one of the processes that share the run.
+    ///
+    /// # Errors
+    /// See [`Case::compose`].
+    pub fn compose_shared(&self, processes: Processes) -> Result<Simulation, CaseError> {
         let table = self.table();
         let mut reader = Reader::new(&self.file, &table);
         let plugins = folder::within(&self.folder, || reader.plugins());
@@ -47,7 +56,7 @@ impl Case {
             log: self.log_times(),
             iteration: self.time.iteration,
         };
-        let world = World::new(bodies);
+        let world = World::new(bodies).shared_by(processes);
         let prepared = Simulation::prepare(world, couplers, physics, options, &self.folder);
         let mut mistakes = Mistakes::default();
         let mut simulation = match prepared {
@@ -72,7 +81,9 @@ impl Case {
             mistakes.collect(self.check_contradictions(&simulation));
         }
         mistakes.collect(self.check_logged(&simulation));
-        mistakes.collect(self.build_probes(&simulation));
+        if simulation.world().processes().rank() == 0 {
+            mistakes.collect(self.build_probes(&simulation));
+        }
         mistakes.finish(simulation)
     }
 

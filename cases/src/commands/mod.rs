@@ -6,6 +6,7 @@ mod explain;
 mod info;
 mod list;
 mod new;
+mod processes;
 mod replay;
 mod run;
 mod schema;

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use perimelt_core::instructions::{InstructionSet, limit_instructions};
+use perimelt_core::transport::Processes;
 
-use super::Done;
+use super::{Done, processes};
 use crate::argument::positive;
 use crate::case::Case;
 use crate::case::change::Change;
@@ -142,23 +143,27 @@ pub fn run(args: &RunArgs) -> Done {
     {
         return Err(ArgumentError::OverwritesCase(out).into());
     }
-    let options = args.common.options(out, args.force);
-    let summary = run::on_workers(|| run::run(&case, &options))?;
-    args.common.tell(&summary)
+    processes::shared(|processes| {
+        let options = args.common.options(out, args.force, processes);
+        let summary = run::on_workers(|| run::run(&case, &options))?;
+        args.common.tell(&summary, &options)
+    })
 }
 
 pub fn resume(args: &ResumeArgs) -> Done {
     args.common.machine.take()?;
     let out = args.out.clone().unwrap_or_else(|| args.log.clone());
-    let options = args.common.options(out, args.force);
     let case = args.case.as_deref().map(Case::read).transpose()?;
     let case = case.map(|case| args.common.machine.limited(case));
-    let summary = run::on_workers(|| run::resume(&args.log, case.as_ref(), &options))?;
-    args.common.tell(&summary)
+    processes::shared(|processes| {
+        let options = args.common.options(out, args.force, processes);
+        let summary = run::on_workers(|| run::resume(&args.log, case.as_ref(), &options))?;
+        args.common.tell(&summary, &options)
+    })
 }
 
 impl Common {
-    fn options(&self, out: PathBuf, force: bool) -> Options {
+    fn options(&self, out: PathBuf, force: bool, processes: Processes) -> Options {
         if self.end_with_input {
             std::thread::spawn(|| {
                 let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
@@ -169,14 +174,15 @@ impl Common {
             out,
             force,
             until: self.until,
-            quiet: self.quiet,
+            quiet: self.quiet || processes.rank() > 0,
             stop: interrupt::signal(),
+            processes,
         }
     }
 
     /// Prints the result of the run and returns the exit status.
-    fn tell(&self, summary: &Summary) -> Done {
-        if !self.quiet {
+    fn tell(&self, summary: &Summary, options: &Options) -> Done {
+        if !options.quiet {
             self.print(summary)?;
         }
         match summary.end {
@@ -212,7 +218,7 @@ impl Common {
 }
 
 fn take_threads(threads: Option<usize>) -> Done {
-    match threads {
+    match threads.or_else(processes::threads_of_process) {
         None => Ok(()),
         Some(0) => Err(ArgumentError::NoThreads.into()),
         Some(count) if count > MOST_THREADS => Err(ArgumentError::Threads(count).into()),

@@ -87,7 +87,7 @@ impl Probe {
     /// # Errors
     /// The key at fault.
     pub fn new(section: &ProbeSection, simulation: &Simulation) -> Result<Probe, SetupError> {
-        let world = simulation.world();
+        let world = simulation.observed();
         let body = world.find_body(section.body.as_deref())?;
         let points = world.body(body);
         let name = section.name.clone();
@@ -229,7 +229,7 @@ pub(crate) fn find_field(
 ) -> Result<FieldIndex, SetupError> {
     let of_body = || simulation.lasting().filter(|f| f.body == body);
     if of_body().any(|f| f.name == name)
-        && let Some(index) = simulation.world().fields().find(body, name)
+        && let Some(index) = simulation.observed().fields().find(body, name)
     {
         return Ok(index);
     }

@@ -97,7 +97,7 @@ impl TrialLog {
         let path = std::env::temp_dir().join(name);
         let info = run_info(case, simulation);
         let writer = Writer::create(&path, &info, &case.file_name(), &case.file.text).ok()?;
-        let recorder = Recorder::new(case, simulation, writer, 0.0).ok();
+        let recorder = Recorder::new(case, simulation, Some(writer), 0.0).ok();
         Some(TrialLog { recorder, path })
     }
 }

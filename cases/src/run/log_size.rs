@@ -45,7 +45,7 @@ impl LogSize {
     /// # Errors
     /// The state cannot be saved, or a mistake in a probe.
     pub fn new(case: &Case, simulation: &Simulation) -> Result<LogSize, Failure> {
-        let world = simulation.world();
+        let world = simulation.observed();
         let width = match case.log.precision {
             Precision::F32 => 4,
             Precision::F64 => 8,

@@ -16,6 +16,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use perimelt_core::log::{Log, LogError, RunHeader, Writer};
+use perimelt_core::transport::Processes;
 use perimelt_core::{RunError, Simulation};
 
 use crate::case::of_log::case_of;
@@ -42,6 +43,15 @@ pub struct Options {
     pub quiet: bool,
     /// Number of the signal that requests an early end; zero without one.
     pub stop: Arc<AtomicUsize>,
+    /// The processes that share the run. The first one writes the log.
+    pub processes: Processes,
+}
+
+impl Options {
+    /// Whether this process writes the log.
+    fn writes(&self) -> bool {
+        self.processes.rank() == 0
+    }
 }
 
 /// The default log of a case: its name with `.mcap`, in the working directory.
@@ -178,9 +188,16 @@ pub fn on_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// # Errors
 /// A mistake in the case (no file is written then), a step that fails, a log that cannot be written.
 pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
-    let place = LogPlace::claim(&options.out, Existing::KeepRun.unless(options.force))?;
-    let mut simulation = case.compose()?;
+    let claim = || LogPlace::claim(&options.out, Existing::KeepRun.unless(options.force));
+    let place = options.writes().then(claim).transpose()?;
+    let mut simulation = case.compose_shared(options.processes.clone())?;
     case.start(&mut simulation)?;
+    let Some(place) = place else {
+        let mut recorder = Recorder::new(case, &simulation, None, 0.0)?;
+        recorder.record(&simulation)?;
+        recorder.checkpoint(&simulation)?;
+        return go_on(simulation, recorder, None, options);
+    };
     if !options.quiet {
         let mut warnings = case.warnings(&simulation)?;
         warnings.extend(LogSize::new(case, &simulation)?.warning(&options.out));
@@ -190,12 +207,12 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
     let info = record::run_info(case, &simulation);
     let target = part.destination();
     let writer = Writer::begin(target, &info, &case.file_name(), &case.file.text)?;
-    let mut recorder = Recorder::new(case, &simulation, writer, 0.0)?;
+    let mut recorder = Recorder::new(case, &simulation, Some(writer), 0.0)?;
     recorder.record(&simulation)?;
     recorder.checkpoint(&simulation)?;
     let placed = part.put_in_place()?;
     recorder.placed();
-    go_on(simulation, recorder, &placed, options)
+    go_on(simulation, recorder, Some(&placed), options)
 }
 
 /// Resumes from the last checkpoint of the log at `path`; the new log takes its place, or
@@ -208,10 +225,9 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
         (path.canonicalize(), options.out.canonicalize()),
         (Ok(old), Ok(new)) if old == new
     );
-    let place = LogPlace::claim(
-        &options.out,
-        Existing::KeepRun.unless(options.force || in_place),
-    )?;
+    let existing = Existing::KeepRun.unless(options.force || in_place);
+    let claim = || LogPlace::claim(&options.out, existing);
+    let place = options.writes().then(claim).transpose()?;
     let log = open_log(path)?;
     let logged = match log.has_case() {
         true => Some(case_of(&log)?),
@@ -244,8 +260,12 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
             file: changed.path.clone(),
         });
     }
-    let mut simulation = case.compose()?;
+    let mut simulation = case.compose_shared(options.processes.clone())?;
     simulation.load(&state)?;
+    let Some(place) = place else {
+        let recorder = Recorder::new(case, &simulation, None, 0.0)?;
+        return go_on(simulation, recorder, None, options);
+    };
     if !options.quiet {
         warn(
             LogSize::new(case, &simulation)?
@@ -269,11 +289,12 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
         case_text: &case.file.text,
     };
     let writer = Writer::continue_from(&log, part.destination(), last, header)?;
-    let mut recorder = Recorder::new(case, &simulation, writer, wall)?.continuing(log.balance());
+    let mut recorder =
+        Recorder::new(case, &simulation, Some(writer), wall)?.continuing(log.balance());
     drop(log);
     let placed = part.put_in_place()?;
     recorder.placed();
-    go_on(simulation, recorder, &placed, options)
+    go_on(simulation, recorder, Some(&placed), options)
 }
 
 /// Refuses a run that has nothing left to simulate after its checkpoint at `time` (s).
@@ -327,7 +348,7 @@ fn changed_file(log: &Log) -> Option<String> {
 fn go_on(
     mut simulation: Simulation,
     mut recorder: Recorder,
-    placed: &NamedLog,
+    placed: Option<&NamedLog>,
     options: &Options,
 ) -> Result<Summary, Failure> {
     interrupt::leave_to_run();
@@ -340,6 +361,7 @@ fn go_on(
             break End::Finished;
         }
         let signal = options.stop.load(Ordering::Relaxed);
+        let signal = options.processes.max(signal as f64) as usize;
         if signal != 0 {
             break End::Stopped(signal);
         }
@@ -359,7 +381,7 @@ fn go_on(
             }
             if recorder.is_checkpoint_due(&simulation) && !simulation.is_finished() {
                 recorder.checkpoint(&simulation)?;
-                placed.check()?;
+                placed.map_or(Ok(()), NamedLog::check)?;
             }
         }
         display.update(&simulation);
@@ -367,7 +389,7 @@ fn go_on(
     recorder.checkpoint(&simulation)?;
     recorder.finish()?;
     display.finish();
-    placed.check()?;
+    placed.map_or(Ok(()), NamedLog::check)?;
     let (facts, warnings) = outcome.sentences(&simulation);
     Ok(Summary {
         end,

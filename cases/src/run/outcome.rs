@@ -42,8 +42,8 @@ impl RunOutcome {
     pub fn new(simulation: &Simulation) -> Self {
         let mut outcome = RunOutcome {
             since: simulation.time(),
-            peaks: vec![None; simulation.world().bodies().len()],
-            lowest: vec![f64::INFINITY; simulation.world().bodies().len()],
+            peaks: vec![None; simulation.observed().bodies().len()],
+            lowest: vec![f64::INFINITY; simulation.observed().bodies().len()],
         };
         outcome.observe(simulation);
         outcome
@@ -89,8 +89,8 @@ impl RunOutcome {
         facts: &mut Vec<String>,
         warnings: &mut Vec<String>,
     ) {
-        let fields = simulation.world().fields();
-        let bodies = simulation.world().bodies().iter().enumerate();
+        let fields = simulation.observed().fields();
+        let bodies = simulation.observed().bodies().iter().enumerate();
         for ((index, body), peak) in bodies.zip(&self.peaks) {
             let Some(peak) = peak else {
                 continue;

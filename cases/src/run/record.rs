@@ -14,7 +14,7 @@ use perimelt_core::log::{
 };
 use perimelt_core::simulation::Progress as Counters;
 use perimelt_core::world::activity::is_active;
-use perimelt_core::{Body, Report, Simulation, World};
+use perimelt_core::{Balance, Body, Report, Simulation, World};
 
 use super::{Failure, inputs};
 use crate::case::Case;
@@ -28,7 +28,8 @@ const NOT_BY_DEFAULT: [&str; 3] = ["enthalpy", "active", "birth_temperature"];
 
 /// Writes states, probes, balances, progress and checkpoints.
 pub struct Recorder {
-    writer: Writer,
+    /// `None` in all but the first of several processes, which contribute to what it writes.
+    writer: Option<Writer>,
     precision: Precision,
     /// Fields in the point cloud of each body.
     fields: Vec<Vec<FieldIndex>>,
@@ -48,14 +49,17 @@ impl Recorder {
     pub fn new(
         case: &Case,
         simulation: &Simulation,
-        writer: Writer,
+        writer: Option<Writer>,
         wall_before: f64,
     ) -> Result<Recorder, Failure> {
         let mut recorder = Recorder {
-            writer,
             precision: case.log.precision,
             fields: logged_fields(case, simulation),
-            probes: case.build_probes(simulation)?,
+            probes: match &writer {
+                Some(_) => case.build_probes(simulation)?,
+                None => Vec::new(),
+            },
+            writer,
             counted: simulation.progress().clone(),
             checkpoint_interval: case.checkpoint_interval(),
             next_checkpoint: 0.0,
@@ -69,24 +73,35 @@ impl Recorder {
 
     /// Logs the state, probes, balances and progress, and flushes them.
     pub fn record(&mut self, simulation: &Simulation) -> Result<(), Failure> {
+        // which all processes sum up
+        let reports = simulation.reports();
+        let balances = simulation.balances();
+        if self.writer.is_none() {
+            return Ok(());
+        }
         let time = simulation.time();
         for body in 0..self.fields.len() {
             self.record_points(simulation, body)?;
         }
         let sources = sources_of(simulation);
         for probe in &self.probes {
-            let values = probe.measure(simulation.world(), &sources);
+            let values = probe.measure(simulation.observed(), &sources);
             let columns = probe.columns.iter().zip(values);
             let row: Vec<_> = columns
                 .map(|((name, unit), value)| Entry::new(name, unit, value))
                 .collect();
-            self.writer.probe(&probe.name, time, &row)?;
+            if let Some(writer) = &mut self.writer {
+                writer.probe(&probe.name, time, &row)?;
+            }
         }
-        self.record_reports(simulation)?;
-        self.record_balance(simulation)?;
+        self.record_reports(time, reports)?;
+        self.record_balance(time, balances)?;
         self.record_progress(simulation)?;
-        self.writer.flush()?;
-        Ok(())
+        self.flush()
+    }
+
+    fn flush(&mut self) -> Result<(), Failure> {
+        Ok(self.writer.as_mut().map_or(Ok(()), Writer::flush)?)
     }
 
     /// Keeps the columns of a log that already has balances.
@@ -97,7 +112,7 @@ impl Recorder {
     }
 
     fn record_points(&mut self, simulation: &Simulation, body: usize) -> Result<(), Failure> {
-        let world = simulation.world();
+        let world = simulation.observed();
         let points = world.body(body);
         let positions = world.positions(body).into_iter();
         let positions: Vec<[f64; 3]> = positions.map(Into::into).collect();
@@ -150,28 +165,39 @@ impl Recorder {
             positions: &positions,
             fields: &fields,
         };
-        Ok(self.writer.points(&points.name, self.precision, &cloud)?)
+        match &mut self.writer {
+            Some(writer) => Ok(writer.points(&points.name, self.precision, &cloud)?),
+            None => Ok(()),
+        }
     }
 
-    fn record_reports(&mut self, simulation: &Simulation) -> Result<(), Failure> {
+    fn record_reports(
+        &mut self,
+        time: f64,
+        reports: Vec<(&str, Vec<Report>)>,
+    ) -> Result<(), Failure> {
         let mut columns = Vec::new();
-        for (label, reports) in simulation.reports() {
+        for (label, reports) in reports {
             columns.extend(reports.into_iter().map(|report| Report {
                 name: format!("{label}.{}", report.name),
                 ..report
             }));
         }
-        if columns.is_empty() {
-            return Ok(());
+        match &mut self.writer {
+            Some(writer) if !columns.is_empty() => {
+                Ok(writer.probe(REPORTS, time, &row(&columns))?)
+            }
+            _ => Ok(()),
         }
-        Ok(self
-            .writer
-            .probe(REPORTS, simulation.time(), &row(&columns))?)
     }
 
-    fn record_balance(&mut self, simulation: &Simulation) -> Result<(), Failure> {
+    fn record_balance(
+        &mut self,
+        time: f64,
+        balances: Vec<(&str, Vec<Balance>)>,
+    ) -> Result<(), Failure> {
         let mut columns = Vec::new();
-        for (label, balances) in simulation.balances() {
+        for (label, balances) in balances {
             for b in balances {
                 let error = b.error();
                 let parts = [
@@ -191,10 +217,10 @@ impl Recorder {
                 }
             }
         }
-        if columns.is_empty() {
-            return Ok(());
+        match &mut self.writer {
+            Some(writer) if !columns.is_empty() => Ok(writer.balance(time, &row(&columns))?),
+            _ => Ok(()),
         }
-        Ok(self.writer.balance(simulation.time(), &row(&columns))?)
     }
 
     fn record_progress(&mut self, simulation: &Simulation) -> Result<(), Failure> {
@@ -217,7 +243,10 @@ impl Recorder {
             wall_seconds: self.wall_before + self.started.elapsed().as_secs_f64(),
         };
         self.counted = now.clone();
-        Ok(self.writer.progress(&progress)?)
+        match &mut self.writer {
+            Some(writer) => Ok(writer.progress(&progress)?),
+            None => Ok(()),
+        }
     }
 
     /// Whether a checkpoint is due.
@@ -229,8 +258,11 @@ impl Recorder {
     pub fn checkpoint(&mut self, simulation: &Simulation) -> Result<(), Failure> {
         let step = simulation.progress().macro_steps;
         let save = |out: &mut dyn Write| -> Result<(), Failure> { Ok(simulation.save_to(out)?) };
-        self.writer.checkpoint(simulation.time(), step, save)?;
-        self.writer.flush()?;
+        match &mut self.writer {
+            Some(writer) => writer.checkpoint(simulation.time(), step, save)?,
+            None => save(&mut std::io::sink())?,
+        }
+        self.flush()?;
         self.plan_checkpoint(simulation.time());
         Ok(())
     }
@@ -243,12 +275,14 @@ impl Recorder {
 
     /// To be called when the file of the log has its name.
     pub fn placed(&mut self) {
-        self.writer.placed();
+        if let Some(writer) = &mut self.writer {
+            writer.placed();
+        }
     }
 
     /// Closes the log.
     pub fn finish(self) -> Result<(), Failure> {
-        Ok(self.writer.finish()?)
+        Ok(self.writer.map_or(Ok(()), Writer::finish)?)
     }
 }
 
@@ -263,7 +297,7 @@ fn row(columns: &[Report]) -> Vec<Entry<'_>> {
 /// them: the reference positions of the points in a state follow from it.
 pub fn logged_fields(case: &Case, simulation: &Simulation) -> Vec<Vec<FieldIndex>> {
     let chosen = |body: usize| {
-        let changes = simulation.world().activity(body).is_some();
+        let changes = simulation.observed().activity(body).is_some();
         let wanted = |name: &str| match &case.log.fields {
             Some(fields) => {
                 fields.iter().any(|f| f == name) || (changes && name == keys::DISPLACEMENT.name)
@@ -274,10 +308,12 @@ pub fn logged_fields(case: &Case, simulation: &Simulation) -> Vec<Vec<FieldIndex
             .lasting()
             .filter(|f| f.body == body && wanted(&f.name));
         let index =
-            |f: &perimelt_core::field::Field| simulation.world().fields().find(body, &f.name);
+            |f: &perimelt_core::field::Field| simulation.observed().fields().find(body, &f.name);
         fields.filter_map(index).collect()
     };
-    (0..simulation.world().bodies().len()).map(chosen).collect()
+    (0..simulation.observed().bodies().len())
+        .map(chosen)
+        .collect()
 }
 
 /// Points of a body that have material; `None` where all have.
@@ -340,7 +376,7 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
         spacing: body.finest_spacing(),
         thickness: body.thickness,
         points: body.points.len(),
-        symmetry: simulation.world().symmetry(index).to_vec(),
+        symmetry: simulation.observed().symmetry(index).to_vec(),
         lattice: lattice_info(body),
         plies: (body.layers().into_iter())
             .flat_map(|layers| layers.plies().iter().map(ply_info))
@@ -375,7 +411,7 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
             .to_string(),
         inputs: inputs::of(case),
         bodies: simulation
-            .world()
+            .observed()
             .bodies()
             .iter()
             .enumerate()

@@ -1,5 +1,7 @@
 //! Bodies on one uniform grid of cells.
 
+use std::sync::Arc;
+
 use nalgebra::Vector3;
 
 use super::{Body, BodyError, Discretisation, Face, Points, bounded, positive};
@@ -21,17 +23,21 @@ pub struct Lattice {
     pub point_of_cell: Vec<u32>,
     /// Cell of each point.
     pub cell_of_point: Vec<[u32; 3]>,
+    /// The lattice of the whole body, where the points are those of a part.
+    pub(super) whole: Option<Arc<Lattice>>,
 }
 
 impl Lattice {
     /// Whether a point lies in the layer of cells at a face.
     pub fn reaches(&self, face: Face) -> bool {
+        let this = self.whole.as_deref().unwrap_or(self);
         let axis = face.axis();
         let last = match face.is_upper() {
             true => self.cells[axis] as u32 - 1,
             false => 0,
         };
-        self.cell_of_point.iter().any(|cell| cell[axis] == last)
+        let mut cells = this.cell_of_point.iter();
+        cells.any(|cell| cell[axis] == last)
     }
 
     /// Point in the cell with the given (possibly outside) indices.
@@ -63,7 +69,8 @@ impl Lattice {
 
     /// Whether every cell holds a point.
     pub fn is_full(&self) -> bool {
-        self.cell_of_point.len() == self.point_of_cell.len()
+        let this = self.whole.as_deref().unwrap_or(self);
+        this.cell_of_point.len() == this.point_of_cell.len()
     }
 }
 
@@ -111,6 +118,7 @@ impl Body {
             cells,
             point_of_cell: vec![NO_POINT; total as usize],
             cell_of_point: Vec::new(),
+            whole: None,
         };
         let mut position = Vec::new();
         let tolerance = 1e-6 * spacing;

@@ -14,6 +14,7 @@ mod lattice;
 mod layers;
 mod outline;
 mod part;
+pub(crate) mod partition;
 mod table;
 mod zones;
 

@@ -1,8 +1,11 @@
 //! Parts of a body: the points that one process owns, and those of others around them.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
 use nalgebra::Vector3;
 
-use super::{Body, Curve, Discretisation, Horizon, Lattice, NO_POINT, Points};
+use super::{Body, Curve, Discretisation, Horizon, Lattice, NO_POINT, Points, Region};
 
 /// A part of a body: the points that it owns, then the *remote* ones around them that others own, each in the order of the whole
 /// body. A family of a part ([`Family::of_part`](crate::Family::of_part)) has the bonds of the owned points, in the order in
@@ -32,7 +35,7 @@ impl Part {
     }
 
     /// The part of `body` that owns the given points (ascending), for families of this horizon. Remote points are those up to
-    /// three horizons beyond the box of the owned ones: the weights of a bond depend on the families of both ends, and which
+    /// three horizons, or a third more, from owned ones: the weights of a bond depend on the families of both ends, and which
     /// of them share the stencil on those of their members.
     ///
     /// # Panics
@@ -43,23 +46,16 @@ impl Part {
             .horizons(horizon)
             .into_iter()
             .fold(0.0, f64::max);
-        let margin = 3.0 * (widest + body.coarsest_spacing());
-        let at = |point: &u32| body.points.position[*point as usize];
-        let places = || owned.iter().map(at);
-        let low = places().fold(Vector3::repeat(f64::INFINITY), |low, x| low.inf(&x));
-        let high = places().fold(Vector3::repeat(f64::NEG_INFINITY), |high, x| high.sup(&x));
-        let is_near = |axis: usize, x: &Vector3<f64>| {
-            (low[axis] - margin..=high[axis] + margin).contains(&x[axis])
-        };
-        let periodic = (0..3).filter(|axis| body.periodic[*axis]);
-        for axis in periodic {
-            let mut all = body.points.position.iter();
-            assert!(all.all(|x| is_near(axis, x)), "periodic axes are not cut");
+        let reach = widest + body.coarsest_spacing();
+        let near = Surroundings::of(owned, body, reach);
+        for axis in (0..3).filter(|axis| body.periodic[*axis]) {
+            assert!(near.spans(axis), "periodic axes are not cut");
         }
         let mut numbers = owned.to_vec();
         let others = 0..body.points.len() as u32;
         let remote = others.filter(|p| owned.binary_search(p).is_err());
-        numbers.extend(remote.filter(|p| (0..3).all(|axis| is_near(axis, &at(p)))));
+        let at = |point: &u32| &body.points.position[*point as usize];
+        numbers.extend(remote.filter(|p| near.contains(at(p))));
         Part {
             body: body.subset(&numbers),
             owned: owned.len(),
@@ -67,6 +63,11 @@ impl Part {
             curve: Curve::through(&body.points.position, &body.points.spacing),
             coarsest: body.coarsest_spacing(),
         }
+    }
+
+    /// The points, owned ones first.
+    pub(crate) fn into_body(self) -> Body {
+        self.body
     }
 
     /// Number of owned points.
@@ -80,7 +81,97 @@ impl Part {
     }
 }
 
+/// The cells of a coarse grid in which points lie, or up to three cells away from them.
+struct Surroundings {
+    low: Vector3<f64>,
+    /// Width of a cell, m.
+    width: f64,
+    cells: [usize; 3],
+    is_near: Vec<bool>,
+}
+
+impl Surroundings {
+    /// Most cells along an axis.
+    const MOST: f64 = 1024.0;
+
+    /// Those of some points of a body, on cells of the width `reach` (m) or wider.
+    fn of(points: &[u32], body: &Body, reach: f64) -> Self {
+        let mut all = body.points.position.iter();
+        let first = all.next().copied().unwrap_or_default();
+        let (low, high) = all.fold((first, first), |(low, high), x| (low.inf(x), high.sup(x)));
+        let width = reach.max((high - low).max() / Self::MOST);
+        let cells = [0, 1, 2].map(|axis| ((high - low)[axis] / width) as usize + 1);
+        let mut surroundings = Surroundings {
+            low,
+            width,
+            cells,
+            is_near: vec![false; cells.iter().product()],
+        };
+        for point in points {
+            let cell = surroundings.cell(&body.points.position[*point as usize]);
+            surroundings.is_near[cell] = true;
+        }
+        (0..3).for_each(|axis| surroundings.widen(axis));
+        surroundings
+    }
+
+    fn cell(&self, position: &Vector3<f64>) -> usize {
+        let [i, j, k] = [0, 1, 2].map(|axis| {
+            let cell = ((position[axis] - self.low[axis]) / self.width) as usize;
+            cell.min(self.cells[axis] - 1)
+        });
+        i + self.cells[0] * (j + self.cells[1] * k)
+    }
+
+    /// Adds three cells on both sides along an axis.
+    fn widen(&mut self, axis: usize) {
+        let stride: usize = self.cells[..axis].iter().product();
+        let count = self.cells[axis];
+        let before = self.is_near.clone();
+        for (cell, is_near) in self.is_near.iter_mut().enumerate() {
+            let along = cell / stride % count;
+            let (first, last) = (along.saturating_sub(3), (along + 3).min(count - 1));
+            let mut beside = (first..=last).map(|other| cell - along * stride + other * stride);
+            *is_near = beside.any(|other| before[other]);
+        }
+    }
+
+    fn contains(&self, position: &Vector3<f64>) -> bool {
+        self.is_near[self.cell(position)]
+    }
+
+    /// Whether all rows of cells along an axis with such a cell consist of them.
+    fn spans(&self, axis: usize) -> bool {
+        let stride: usize = self.cells[..axis].iter().product();
+        let count = self.cells[axis];
+        let first = (0..self.is_near.len()).filter(|cell| cell / stride % count == 0);
+        let mut rows = first.map(|cell| (0..count).map(move |n| self.is_near[cell + n * stride]));
+        rows.all(|mut row| {
+            let value = row.next().unwrap_or(true);
+            row.all(|other| other == value)
+        })
+    }
+}
+
 impl Body {
+    /// The regions of a body of some of the points.
+    fn regions_among(&self, numbers: &[u32]) -> BTreeMap<String, Region> {
+        let mut place = vec![NO_POINT; self.points.len()];
+        for (new, number) in (0..).zip(numbers) {
+            place[*number as usize] = new;
+        }
+        let among = |region: &Region| {
+            let points = region.points.iter().map(|point| place[*point as usize]);
+            let mut points: Vec<u32> = points.filter(|point| *point != NO_POINT).collect();
+            points.sort_unstable();
+            Region { points }
+        };
+        let regions = self.regions.iter();
+        regions
+            .map(|(name, region)| (name.clone(), among(region)))
+            .collect()
+    }
+
     /// Some points of the body, in this order, in its box.
     fn subset(&self, numbers: &[u32]) -> Body {
         fn of<T: Copy>(values: &[T], numbers: &[u32]) -> Vec<T> {
@@ -93,7 +184,8 @@ impl Body {
                 let mut lattice = Lattice {
                     point_of_cell: vec![NO_POINT; lattice.point_of_cell.len()],
                     cell_of_point: of(&lattice.cell_of_point, numbers),
-                    ..lattice.clone()
+                    whole: Some(Arc::new(lattice.clone())),
+                    ..*lattice
                 };
                 for (point, cell) in (0..).zip(&lattice.cell_of_point) {
                     let [i, j, k] = cell.map(|c| c as usize);
@@ -118,8 +210,7 @@ impl Body {
             },
             discretisation,
             material_of_point: of(&self.material_of_point, numbers),
-            regions: Default::default(),
-            outline: None,
+            regions: self.regions_among(numbers),
             ..self.clone()
         }
     }

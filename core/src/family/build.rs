@@ -30,10 +30,20 @@ impl Family {
     /// # Errors
     /// See [`Family::build`]; also for corrections that need the whole body.
     pub fn of_part(part: &Part, spec: &FamilySpec) -> Result<Family, FamilyError> {
+        Family::of_points(&part.body, part.owned, &part.numbers, spec)
+    }
+
+    /// [`Family::of_part`] of the first `owned` points of a body, whose numbers in the whole body are `numbers`.
+    pub(crate) fn of_points(
+        body: &Body,
+        owned: usize,
+        numbers: &[u32],
+        spec: &FamilySpec,
+    ) -> Result<Family, FamilyError> {
         let share = Share {
-            body: &part.body,
-            owned: part.owned,
-            numbers: &part.numbers,
+            body,
+            owned,
+            numbers,
         };
         let mut family = Family::of_share(share, spec)?;
         family.forget_unreached();

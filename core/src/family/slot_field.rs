@@ -81,6 +81,9 @@ impl SlotField {
     /// Copies the values of points to their slots.
     fn take(&mut self, family: &Family, values: &impl PointValues) {
         self.0.resize(family.slots.len, 0.0);
+        for (slot, point) in &family.slots.remote {
+            self.0[*slot as usize] = values.at(*point as usize);
+        }
         let spans = match &family.slots.points {
             PointSlots::Ascending(spans) => spans,
             PointSlots::Sorted { point_in, .. } => {

@@ -1,12 +1,13 @@
 //! What happens to the points of bodies, and whether plugins support it.
 
-use super::{Access, Declaration, Happening, RefusedChange, Setup};
+use super::{Access, Declaration, Happening, Plugin, RefusedChange, Setup};
+use crate::body::Horizon;
 use crate::error::SetupError;
 use crate::field::{Write, keys};
-use crate::world::BodyIndex;
 use crate::world::changes::{Change, Changes};
 use crate::world::configuration::{Description, PointMover};
 use crate::world::refinement::{Refinement, Transfer, WindowMover};
+use crate::world::{BodyIndex, FamilyReach};
 
 impl Setup<'_> {
     /// Notes that the calling plugin changes the points of a body.
@@ -113,6 +114,36 @@ impl Setup<'_> {
         })
     }
 
+    /// Divides all bodies among the processes that share the run, if there are several.
+    ///
+    /// # Errors
+    /// Plugins that do not support it, and bodies that cannot be divided.
+    pub(crate) fn divide_bodies(&mut self) -> Result<(), (usize, SetupError)> {
+        if self.world.processes().size() == 1 {
+            return Ok(());
+        }
+        self.world.keep_whole_bodies();
+        for body in 0..self.world.bodies.len() {
+            let happening = Happening {
+                body,
+                change: Change::Division,
+                plugin: None,
+            };
+            let supports = |plugin: &Plugin| plugin.supports.contains(Change::Division);
+            if let Some(plugin) = self.plugins.iter().position(|plugin| !supports(plugin)) {
+                return Err((plugin, self.unsupported(&happening, plugin)));
+            }
+            let changes = &mut self.world.changes[body];
+            *changes = changes.and(Changes::of(&[Change::Division]));
+            let reaches = self.world.facts.of::<FamilyReach>(body);
+            let spacing = self.world.bodies[body].coarsest_spacing();
+            let reach = reaches.map(|(_, reach)| reach.0.of(spacing));
+            let reach = reach.fold(spacing, f64::max);
+            (self.world.divide(body, Horizon::Length(reach))).map_err(|e| (0, e))?;
+        }
+        Ok(())
+    }
+
     /// Whether a plugin decides where points of a body are, or what flows through them.
     pub(crate) fn decides_points(&self, plugin: usize) -> bool {
         let mut descriptions = self.world.facts.all::<Description>();
@@ -159,6 +190,7 @@ impl Setup<'_> {
             Change::Cuts => format!("`{by}` removes material from body `{body}`"),
             Change::Window => format!("`{by}` moves body `{body}` as a window of finer points"),
             Change::Layers => format!("body `{body}` has its points in the layers of a `layup`"),
+            Change::Division => format!("several processes share the points of body `{body}`"),
         };
         let message = format!("{what}, which `{}` does not support", self.label(plugin));
         let expected = format!(

@@ -38,12 +38,18 @@ struct Checkpoint<V, S> {
     rows_found_at: Vec<Vec<nalgebra::Vector3<f64>>>,
 }
 
-/// The values of a field, to be written from where they are.
-struct FieldValues<'a>(Ref<'a, Data>);
+/// The values of a field, to be written from where they are, or collected from several processes.
+enum FieldValues<'a> {
+    Here(Ref<'a, Data>),
+    Collected(Vec<f64>),
+}
 
 impl Serialize for FieldValues<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let values = self.0.flat();
+        let values = match self {
+            FieldValues::Here(data) => data.flat(),
+            FieldValues::Collected(values) => values,
+        };
         if cfg!(target_endian = "little") {
             return serializer.serialize_bytes(bytemuck::cast_slice(values));
         }
@@ -120,10 +126,17 @@ impl Simulation {
     /// # Errors
     /// When a plugin's state cannot be serialised, or `out` cannot be written.
     pub fn save_to(&self, mut out: &mut dyn io::Write) -> Result<(), RunError> {
-        let fields = self.lasting().map(|f| SavedField {
+        let fields = self.lasting_indices().map(|i| self.world.fields.field(i));
+        let fields = fields.map(|f| SavedField {
             body: f.body,
             name: f.name.clone(),
-            values: FieldValues(f.data()),
+            values: match self.world.processes().size() {
+                1 => FieldValues::Here(f.data()),
+                // only the first process writes
+                _ => FieldValues::Collected(
+                    (self.world.gather(f.body, f.data().flat())).unwrap_or_default(),
+                ),
+            },
         });
         let physics = self.physics.iter().map(|p| PluginState(p.plugin.save()));
         let couplers = self.couplers.iter().map(|c| PluginState(c.plugin.save()));
@@ -185,16 +198,17 @@ impl Simulation {
             let field = field.filter(|_| is_expected);
             let field = field.ok_or_else(|| misfit(format!("it has a field `{}`", f.name)))?;
             let mut data = field.data_mut();
-            let values = data.flat_mut();
-            if values.len() * 8 != f.values.len() {
+            let expected = self.world.points_of_whole(f.body) * data.components();
+            if expected * 8 != f.values.len() {
                 return Err(misfit(format!(
                     "field `{}` has another number of points",
                     f.name
                 )));
             }
-            for (v, bytes) in values.iter_mut().zip(f.values.chunks_exact(8)) {
-                *v = f64::from_le_bytes(bytes.try_into().expect("chunks of eight"));
-            }
+            let number = |bytes: &[u8]| f64::from_le_bytes(bytes.try_into().expect("eight bytes"));
+            let whole = f.values.chunks_exact(8).map(number).collect();
+            let values = self.world.of_whole(f.body, whole);
+            data.flat_mut().copy_from_slice(&values);
         }
         let positions = saved.rows_found_at.iter().flatten().flatten();
         if !positions.copied().all(f64::is_finite) || !self.world.find_rows_at(saved.rows_found_at)
@@ -215,6 +229,8 @@ impl Simulation {
             self.world.set_times(owned, time);
         }
         self.find_steps();
+        let lasting: Vec<_> = self.lasting_indices().collect();
+        self.world.assemble(&lasting);
         // what a run checks after every pass
         let step = Step::new(self.clock.time, 0.0);
         (0..self.physics.len()).try_for_each(|p| self.check_state(p, step))

@@ -282,8 +282,9 @@ impl Simulation {
     /// # Errors
     /// A physics that cannot start.
     pub fn start(&mut self) -> Result<(), RunError> {
-        for p in &mut self.physics {
-            p.plugin.start(&self.world)?;
+        for (p, physics) in self.physics.iter_mut().enumerate() {
+            physics.plugin.start(&self.world)?;
+            self.world.exchange(&self.plan.owned[p]);
         }
         self.find_steps();
         self.apply_all(Step::new(0.0, 0.0))?;
@@ -299,7 +300,15 @@ impl Simulation {
     fn observe(&mut self) -> Result<(), RunError> {
         let time = self.clock.time;
         let mut physics = self.physics.iter_mut();
-        physics.try_for_each(|p| p.plugin.observe(&self.world, time))
+        physics.try_for_each(|p| p.plugin.observe(&self.world, time))?;
+        let lasting: Vec<_> = self.lasting_indices().collect();
+        self.world.assemble(&lasting);
+        Ok(())
+    }
+
+    /// The world as it is to be looked at: with whole bodies, also where several processes share them. It has then the last logged state, in the first process.
+    pub fn observed(&self) -> &World {
+        self.world.observed()
     }
 
     /// Conserved totals of all physics: label and balances.
@@ -363,14 +372,17 @@ impl Simulation {
             .collect()
     }
 
-    /// Fields that somebody provides: state or derived values, not sums that are rebuilt in
+    /// Fields of [`Simulation::observed`] that somebody provides: state or derived values, not sums that are rebuilt in
     /// every step.
     pub fn lasting(&self) -> impl Iterator<Item = &crate::field::Field> {
+        self.lasting_indices()
+            .map(|i| self.observed().fields.field(i))
+    }
+
+    pub(super) fn lasting_indices(&self) -> impl Iterator<Item = usize> {
         let is_sink = |i: &usize| self.plan.sinks.iter().any(|s| s.contains(i));
-        let fields = self.world.fields.iter().enumerate();
-        fields
-            .filter(move |(i, _)| self.world.provided[*i] && !is_sink(i))
-            .map(|(_, f)| f)
+        let fields = 0..self.world.fields.iter().count();
+        fields.filter(move |i| self.world.provided[*i] && !is_sink(i))
     }
 
     /// The plugins as composed, all defaults filled in: `{"physics": [...], "couplers": [...]}`.

@@ -45,6 +45,7 @@ impl Simulation {
         let mut setup = Setup::new(&mut world, folder);
         publish(&mut setup, &mut couplers, &mut physics)
             .map_err(|faults| faults.into_iter().map(at).collect::<Faults>())?;
+        setup.divide_bodies().map_err(|fault| vec![at(fault)])?;
         let labels = couplers.iter().map(|c| &c.label);
         let labels: Vec<String> = labels
             .chain(physics.iter().map(|p| &p.label))
@@ -56,6 +57,7 @@ impl Simulation {
         let mut declared = setup
             .finish()
             .map_err(|mistakes| mistakes.into_iter().map(at).collect::<Faults>())?;
+        world.plan_exchanges();
         let families = world.families();
         let sizes = families.map(|(of, family)| FamilySize::of(of.body, &family));
         let family_sizes = sizes.chain(declared.kept_families.drain(..)).collect();

@@ -8,7 +8,11 @@ use crate::stepping::{Step, StepSize};
 
 impl Simulation {
     pub(super) fn find_steps(&mut self) {
-        let ask = |c: &mut Ready<dyn RunningCoupler>| c.plugin.stable_step(&self.world);
+        let processes = self.world.processes();
+        let ask = |c: &mut Ready<dyn RunningCoupler>| {
+            let stable = c.plugin.stable_step(&self.world);
+            stable.map(|step| processes.min(step))
+        };
         self.stable_exchange = self.couplers.iter_mut().map(ask).collect();
         self.limit_steps();
         self.find_group_steps();
@@ -37,6 +41,7 @@ impl Simulation {
         let mut any = false;
         for (i, p) in self.physics.iter_mut().enumerate() {
             let stable = p.plugin.stable_step(&self.world);
+            let stable = stable.map(|step| self.world.processes().min(step));
             any |= std::mem::replace(&mut self.stable_step[i], stable) != stable;
             let exchanges = self.plan.before[i].iter();
             let exchanges = exchanges.filter_map(|&c| self.stable_exchange[c]);

@@ -27,6 +27,7 @@ mod implicit;
 mod krylov;
 mod newton;
 pub mod reduce;
+mod reducer;
 mod relaxation;
 mod rhs;
 mod rkl2;
@@ -44,6 +45,7 @@ pub use krylov::{
     CoarseSpace, Hints, Krylov, KrylovMethod, KrylovOptions, KrylovReport, NullSpace, Spring,
 };
 pub use newton::{Newton, NewtonOptions, NewtonReport};
+pub use reducer::Reducer;
 pub use relaxation::{Relaxation, RelaxationOptions, RelaxationReport, fictitious_mass};
 pub use rhs::{At, Rhs, rhs};
 pub use rkl2::Rkl2;

@@ -1,6 +1,6 @@
 //! Sums over vectors and points that give the same bits for any number of threads, and however the points are divided.
 //!
-//! [`GROUP`] consecutive entries add up in a fixed order, and the sums of the groups add up exactly ([`ExactSum`](super::ExactSum)): the result does not depend on
+//! [`GROUP`] consecutive entries (64) add up in a fixed order, and the sums of the groups add up exactly ([`ExactSum`](super::ExactSum)): the result does not depend on
 //! which groups are added where and when. Vectors with several components of each point have as many groups of entries for a group of points.
 //! Within a group eight running sums (entry `i` goes to sum `i mod 8`) let the compiler use vector registers. Rounding is that of a group:
 //! relative to the sum of magnitudes 11 eps at most.
@@ -11,10 +11,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::exact::Sums;
-
-/// Entries that are summed in order. What divides points must not divide groups of them.
-pub const GROUP: usize = 64;
+use super::exact::{ExactSum, Sums};
+use crate::transport::GROUP;
 
 /// Entries that a task takes at least.
 pub const CHUNK: usize = 4096;
@@ -28,6 +26,14 @@ const LANES: usize = 8;
 ///
 /// Panics if the lengths differ.
 pub fn sum_of<const N: usize>(inputs: [&[f64]; N], f: impl Fn([f64; N]) -> f64 + Sync) -> f64 {
+    exact_sum_of(inputs, f).value()
+}
+
+/// [`sum_of`] before it is rounded.
+pub(super) fn exact_sum_of<const N: usize>(
+    inputs: [&[f64]; N],
+    f: impl Fn([f64; N]) -> f64 + Sync,
+) -> ExactSum {
     assert!(
         inputs.iter().all(|input| input.len() == inputs[0].len()),
         "vectors of a sum must have equal lengths"
@@ -42,7 +48,7 @@ pub fn sum_of<const N: usize>(inputs: [&[f64]; N], f: impl Fn([f64; N]) -> f64 +
 fn exact_sums<const N: usize>(
     len: usize,
     of_group: impl Fn(Range<usize>) -> [f64; N] + Sync,
-) -> [f64; N] {
+) -> [ExactSum; N] {
     let add = |sums: Sums<N>, chunk: usize| {
         let entries = chunk * CHUNK..len.min((chunk + 1) * CHUNK);
         let groups = entries.len().div_ceil(GROUP);
@@ -59,7 +65,7 @@ fn exact_sums<const N: usize>(
             sums.reduce(Sums::empty, Sums::merge)
         }
     };
-    sums.values()
+    sums.into_sums()
 }
 
 /// The sum of a few entries in one order, as of a group.
@@ -110,6 +116,14 @@ pub fn weighted_vectors(vectors: &[f64], weights: &[f64]) -> [f64; 3] {
 
 /// `sum_i f(i)` over the points `0..points`, for several sums at once.
 pub fn sum_points<const N: usize>(points: usize, f: impl Fn(usize) -> [f64; N] + Sync) -> [f64; N] {
+    exact_sums_of_points(points, f).map(|sum| sum.value())
+}
+
+/// [`sum_points`] before they are rounded.
+pub(super) fn exact_sums_of_points<const N: usize>(
+    points: usize,
+    f: impl Fn(usize) -> [f64; N] + Sync,
+) -> [ExactSum; N] {
     exact_sums(points, |range| {
         let mut sums = [0.0; N];
         for point in range {

@@ -17,17 +17,20 @@ pub enum Change {
     Window,
     /// The points lie in the layers of a lay-up.
     Layers,
+    /// The points are divided among processes.
+    Division,
 }
 
 impl Change {
     /// All of them, in the order of the table of support.
-    pub const ALL: [Change; 6] = [
+    pub const ALL: [Change; 7] = [
         Change::Motion,
         Change::Flow,
         Change::Births,
         Change::Cuts,
         Change::Window,
         Change::Layers,
+        Change::Division,
     ];
 
     /// The name in the table of support.
@@ -39,6 +42,7 @@ impl Change {
             Change::Cuts => "cuts",
             Change::Window => "window",
             Change::Layers => "layers",
+            Change::Division => "division",
         }
     }
 }
@@ -90,7 +94,7 @@ mod tests {
     fn a_set_contains_its_changes_only() {
         let set = Changes::of(&[Change::Flow, Change::Window]);
         let contained = Change::ALL.map(|change| set.contains(change));
-        assert_eq!(contained, [false, true, false, false, true, false]);
+        assert_eq!(contained, [false, true, false, false, true, false, false]);
         assert_eq!(Changes::NONE.and(set), set);
         assert!(Change::ALL.iter().all(|c| Changes::ALL.contains(*c)));
     }

@@ -39,6 +39,7 @@ pub trait Fact: Any {
 }
 
 /// A fact that was published.
+#[derive(Clone)]
 pub(crate) struct Published {
     pub(crate) body: BodyIndex,
     /// Position of the plugin in the set-up.
@@ -50,7 +51,7 @@ pub(crate) struct Published {
 }
 
 /// All facts.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct Facts(Vec<Published>);
 
 impl fmt::Debug for Facts {

@@ -130,7 +130,11 @@ impl World {
                 }),
             }
         } else {
-            Store::AtRest(Arc::new(Family::build(this, spec)?))
+            let family = match &self.divisions[body] {
+                Some(division) => Family::of_points(this, division.owned, &division.numbers, spec),
+                None => Family::build(this, spec),
+            };
+            Store::AtRest(Arc::new(family?))
         };
         self.families.push(WorldFamily {
             body,

@@ -3,6 +3,7 @@
 pub mod activity;
 pub mod changes;
 pub mod configuration;
+mod division;
 pub mod exchange;
 pub mod facts;
 pub mod families;
@@ -16,15 +17,17 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
-use crate::body::{Body, Face, Region};
+use crate::body::{Body, Face, Horizon, Region};
 use crate::error::{Problem, SetupError};
 use crate::family::{LayerRule, Traction};
 use crate::field::{FieldIndex, Fields, Read, ReadIfProvided, Value, Write};
 use crate::solver::reduce::weighted_sum;
 use crate::surface_tension::SurfaceTension;
+use crate::transport::Processes;
 
 use changes::Changes;
 use configuration::Configurations;
+use division::Division;
 use exchange::{Exchange, SurfaceDepth};
 use facts::{Fact, FactRule, Facts};
 use families::WorldFamily;
@@ -35,7 +38,7 @@ use refinement::Refinement;
 pub type BodyIndex = usize;
 
 /// Mirrored layers of one field of one body.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Layers {
     pub(crate) body: BodyIndex,
     pub(crate) field: String,
@@ -59,6 +62,12 @@ pub struct LayersHandle(pub(crate) usize);
 pub struct Rigid;
 
 impl Fact for Rigid {}
+
+/// The longest horizon of the families of a physics: processes that share a body need points around their own as far as these reach.
+#[derive(Clone, Copy, Debug)]
+pub struct FamilyReach(pub Horizon);
+
+impl Fact for FamilyReach {}
 
 /// Loads of the surface of a body act on the faces of its cells: the force per volume of a point comes with its first moment
 /// about the point ([`BODY_FORCE_MOMENT`](crate::keys::BODY_FORCE_MOMENT)).
@@ -213,6 +222,11 @@ pub struct World {
     broken: Vec<RefCell<BrokenPairs>>,
     /// Bodies with a window of finer points that moves.
     pub(crate) refinements: Vec<Refinement>,
+    processes: Processes,
+    /// By body: the part that this process has, where several processes share the run.
+    pub(crate) divisions: Vec<Option<Division>>,
+    /// The world of whole bodies, in the first of several processes.
+    whole: Option<Box<World>>,
 }
 
 impl World {
@@ -222,9 +236,16 @@ impl World {
             configurations: Configurations::new(bodies.len()),
             changes: vec![Changes::NONE; bodies.len()],
             broken: bodies.iter().map(|_| RefCell::default()).collect(),
+            divisions: bodies.iter().map(|_| None).collect(),
             bodies,
             ..World::default()
         }
+    }
+
+    /// The world of a run that these processes share.
+    #[must_use]
+    pub fn shared_by(self, processes: Processes) -> World {
+        World { processes, ..self }
     }
 
     /// All bodies.

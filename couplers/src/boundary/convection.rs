@@ -242,7 +242,7 @@ impl RunningCoupler for RunningConvection {
     }
 }
 
-perimelt_core::register_coupler!("convection", Convection, supports: [Flow, Births, Cuts, Window, Layers]);
+perimelt_core::register_coupler!("convection", Convection, supports: [Flow, Births, Cuts, Window, Layers, Division]);
 
 #[cfg(test)]
 mod tests {

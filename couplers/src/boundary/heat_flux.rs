@@ -83,7 +83,7 @@ impl RunningCoupler for RunningHeatFlux {
     }
 }
 
-perimelt_core::register_coupler!("heat_flux", HeatFlux, supports: [Flow, Births, Cuts, Window, Layers]);
+perimelt_core::register_coupler!("heat_flux", HeatFlux, supports: [Flow, Births, Cuts, Window, Layers, Division]);
 
 #[cfg(test)]
 mod tests {

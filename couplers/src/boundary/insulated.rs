@@ -55,7 +55,7 @@ impl Coupler for Insulated {
     }
 }
 
-perimelt_core::register_coupler!("insulated", Insulated, supports: [Motion, Flow, Births, Cuts, Window]);
+perimelt_core::register_coupler!("insulated", Insulated, supports: [Motion, Flow, Births, Cuts, Window, Division]);
 
 #[cfg(test)]
 mod tests {

@@ -170,7 +170,7 @@ impl RunningCoupler for RunningPrescribedTemperature {
     }
 }
 
-perimelt_core::register_coupler!("prescribed_temperature", PrescribedTemperature, supports: [Motion, Flow, Births, Cuts, Layers]);
+perimelt_core::register_coupler!("prescribed_temperature", PrescribedTemperature, supports: [Motion, Flow, Births, Cuts, Layers, Division]);
 
 #[cfg(test)]
 mod tests {

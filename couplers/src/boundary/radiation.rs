@@ -181,7 +181,7 @@ impl RunningCoupler for RunningRadiation {
     }
 }
 
-perimelt_core::register_coupler!("radiation", Radiation, supports: [Flow, Births, Cuts, Window, Layers]);
+perimelt_core::register_coupler!("radiation", Radiation, supports: [Flow, Births, Cuts, Window, Layers, Division]);
 
 #[cfg(test)]
 mod tests {

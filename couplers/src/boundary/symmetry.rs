@@ -65,7 +65,7 @@ impl RunningCoupler for RunningSymmetry {
     }
 }
 
-perimelt_core::register_coupler!("symmetry", Symmetry, supports: [Motion, Flow, Births, Cuts, Window]);
+perimelt_core::register_coupler!("symmetry", Symmetry, supports: [Motion, Flow, Births, Cuts, Window, Division]);
 
 #[cfg(test)]
 mod tests {

@@ -7,7 +7,7 @@
 use perimelt_core::{Face, Report};
 use serde::{Deserialize, Serialize};
 
-use super::shape::{CellGrid, Deposit};
+use super::shape::{CellGrid, Deposit, Depression};
 use crate::toolpath::Pose;
 
 /// Distance from a plane of symmetry up to which a source lies on it, in cells.
@@ -39,6 +39,8 @@ pub(super) struct Account {
     path: f64,
     /// Whether the toolpath had power in the last step; between two pulses it has.
     was_on: bool,
+    /// The surface below a beam that is absorbed column by column, in the last step.
+    depression: Option<Depression>,
 }
 
 impl Account {
@@ -46,6 +48,7 @@ impl Account {
     /// the toolpath has no power.
     pub fn book(&mut self, deposit: &Deposit, copies: f64, duration: f64, speed: Option<f64>) {
         self.was_on = speed.is_some();
+        self.depression = deposit.depression;
         self.path += speed.unwrap_or(0.0) * duration;
         let mirrored = (copies - 1.0) * deposit.deposited;
         let lost = deposit.lost - mirrored;
@@ -55,6 +58,15 @@ impl Account {
         for (energy, power) in self.energy.iter_mut().zip(self.power) {
             *energy += power * duration;
         }
+    }
+
+    /// The surface below the beam in the last step; a flat one without power.
+    pub fn depression(&self) -> Depression {
+        let flat = Depression {
+            depth: 0.0,
+            gain: 1.0,
+        };
+        self.depression.unwrap_or(flat)
     }
 
     pub fn report(&self) -> Vec<Report> {
@@ -102,6 +114,7 @@ mod tests {
                 asked,
                 deposited,
                 lost,
+                ..Deposit::default()
             };
             let speed = (asked > 0.0).then_some(3.0);
             account.book(&deposit, copies, 2.0, speed);

@@ -28,7 +28,7 @@ macro_rules! couple_source {
         $crate::perimelt_core::register_coupler!(
             $name,
             $source,
-            supports: [Motion, Flow, Births, Cuts, Window]
+            supports: [Motion, Flow, Births, Cuts, Window, Division]
         );
     };
 }

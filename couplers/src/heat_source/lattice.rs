@@ -5,6 +5,7 @@ use std::cell::Ref;
 
 use nalgebra::Vector3;
 use perimelt_core::Body;
+use perimelt_core::solver::{ExactSum, Reducer};
 use perimelt_core::world::activity::is_active;
 
 use super::shape::{CellGrid, HeatedBody};
@@ -15,8 +16,22 @@ pub(super) struct LatticeBody<'a> {
     pub grid: CellGrid,
     /// Points with material, where material is deposited.
     pub activity: Option<Ref<'a, [f64]>>,
-    /// Fraction of the first of two fluids, where a source is absorbed at their interface.
-    pub fraction: Option<Ref<'a, [f64]>>,
+    pub state: AbsorbingState<'a>,
+    /// Which points this process owns: it heats no other ones.
+    pub reducer: Reducer,
+}
+
+/// The state of the points on which the absorption of a source depends.
+pub(super) enum AbsorbingState<'a> {
+    None,
+    /// Fraction of the first of two fluids, at whose interface a source is absorbed.
+    Fraction(Ref<'a, [f64]>),
+    /// Enthalpies (J/m³) of the points, and of each material when it boils; size of the step, s.
+    Boiling {
+        enthalpy: Ref<'a, [f64]>,
+        limits: &'a [f64],
+        step: f64,
+    },
 }
 
 /// The lattice of a body, or one of its finest spacing that covers it. Missing axes have one cell with the extent of the
@@ -79,9 +94,12 @@ impl HeatedBody for LatticeBody<'_> {
     fn point(&self, cell: [usize; 3]) -> Option<usize> {
         let point = self.body.lattice()?.point(cell.map(|c| c as i64))?;
         let activity = self.activity.as_ref();
-        activity
-            .is_none_or(|a| is_active(a[point]))
-            .then_some(point)
+        let is_here = point < self.reducer.owned() && activity.is_none_or(|a| is_active(a[point]));
+        is_here.then_some(point)
+    }
+
+    fn total(&self, own: ExactSum) -> f64 {
+        self.reducer.total(own)
     }
 
     fn volume(&self, point: usize) -> f64 {
@@ -89,7 +107,24 @@ impl HeatedBody for LatticeBody<'_> {
     }
 
     fn first_fluid(&self, point: usize) -> Option<f64> {
-        self.fraction.as_ref().map(|fraction| fraction[point])
+        match &self.state {
+            AbsorbingState::Fraction(fraction) => Some(fraction[point]),
+            _ => None,
+        }
+    }
+
+    fn boiling_power(&self, point: usize) -> f64 {
+        match &self.state {
+            AbsorbingState::Boiling {
+                enthalpy,
+                limits,
+                step,
+            } => {
+                let limit = limits[usize::from(self.body.material_of_point[point])];
+                (limit - enthalpy[point]) / step
+            }
+            _ => f64::INFINITY,
+        }
     }
 }
 
@@ -97,6 +132,7 @@ impl HeatedBody for LatticeBody<'_> {
 mod tests {
     use super::*;
     use crate::testing::block;
+    use perimelt_core::World;
 
     #[test]
     fn a_cell_of_the_grid_has_the_volume_of_a_point_and_its_position_as_centre() {
@@ -107,10 +143,11 @@ mod tests {
                 body.points.volume.fill(0.25);
             }
             let target = LatticeBody {
+                reducer: World::new(vec![body.clone()]).reducer(0),
                 body: &body,
                 grid: grid(&body),
                 activity: None,
-                fraction: None,
+                state: AbsorbingState::None,
             };
             let volume = target.volume(target.point([1, 0, 0]).expect("a full block"));
             assert!((target.grid.spacing.product() - volume).abs() < 1e-15);

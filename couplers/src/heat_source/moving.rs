@@ -18,8 +18,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::account::{Account, mirror_copies};
 use super::heading::Heading;
-use super::lattice::{LatticeBody, grid};
-use super::shape::{CellGrid, Cells, Depositor, HeatedSurface, SourceShape};
+use super::lattice::{AbsorbingState, LatticeBody, grid};
+use super::shape::{Absorber, CellGrid, Cells, Depositor, Depression, HeatedSurface, SourceShape};
 use super::step_positions::StepPositions;
 use crate::surface::OnBody;
 use crate::toolpath::{ClockState, Pulse, TimedPath, Toolpath, Track};
@@ -137,13 +137,45 @@ impl<S: SourceShape> MovingSource<S> {
     pub fn publish_path(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let path = self.timed_path(&setup.path(""))?;
         setup.share(path);
-        match self.shape.heats_interface() {
-            true => {
-                let body = setup.find_body(self.target.body.as_deref())?;
-                setup.publish(body, HeatedInterface)
-            }
-            false => Ok(()),
+        if self.shape.absorber() == Some(Absorber::Interface) {
+            let body = setup.find_body(self.target.body.as_deref())?;
+            setup.publish(body, HeatedInterface)?;
         }
+        Ok(())
+    }
+
+    /// Refuses what processes cannot share yet.
+    fn refuse_division(&self, setup: &mut Setup<'_>, body: BodyIndex) {
+        let is_even = setup.body(body).lattice().is_some() && self.shape.absorber().is_none();
+        if !is_even {
+            let message = "several processes share sources on lattices without an interface or a keyhole only";
+            let expected = "another source or body, or one process";
+            let error = SetupError::value("", message, expected);
+            setup.refuse(body, Change::Division, error);
+        }
+    }
+
+    /// Declares the field on which the absorption depends.
+    fn absorption(&self, setup: &mut Setup<'_>, body: BodyIndex) -> Result<Absorption, SetupError> {
+        Ok(match self.shape.absorber() {
+            None => Absorption::Fixed,
+            Some(Absorber::Interface) => {
+                Absorption::AtInterface(setup.read(body, &keys::FLUID_FRACTION)?)
+            }
+            Some(Absorber::Keyhole) => {
+                let curves = setup.world().enthalpy_curves(body)?;
+                let materials = setup.body(body).materials.iter().zip(&curves);
+                let limits = materials.map(|(material, curve)| {
+                    let boiling = material.constant("boiling_temperature");
+                    let boiling = boiling.map_err(|e| SetupError::other("penetration", e))?;
+                    Ok(curve.enthalpy(boiling))
+                });
+                Absorption::UntilBoiling {
+                    limits: limits.collect::<Result<_, SetupError>>()?,
+                    enthalpy: setup.read(body, &keys::ENTHALPY)?,
+                }
+            }
+        })
     }
 
     /// [`Coupler::prepare`](perimelt_core::Coupler::prepare).
@@ -166,8 +198,15 @@ impl<S: SourceShape> MovingSource<S> {
         }
         let body = setup.body(index);
         let length = self.shape.length().max(body.finest_spacing());
-        self.check_path(body, path.track(), 2.0 * length, &mut depositor)?;
+        let reducer = setup.world().reducer(index);
+        self.check_path(body, &reducer, path.track(), 2.0 * length, &mut depositor)?;
+        // the wall of a keyhole moves through single cells
+        let finest = match self.shape.absorber() {
+            Some(Absorber::Keyhole) => body.finest_spacing(),
+            _ => length,
+        };
         let speed = path.track().fastest();
+        self.refuse_division(setup, index);
         self.warn_of_size(setup, index);
         path.prepare(setup, index)?;
         let first = path.track().pose(path.track().start());
@@ -184,11 +223,8 @@ impl<S: SourceShape> MovingSource<S> {
             depositor,
             surface,
             heat_source: setup.add(index, &keys::HEAT_SOURCE)?,
-            fraction: match self.shape.heats_interface() {
-                true => Some(setup.read(index, &keys::FLUID_FRACTION)?),
-                false => None,
-            },
-            longest_way: STEP_FRACTION * length,
+            absorption: self.absorption(setup, index)?,
+            longest_way: STEP_FRACTION * finest,
             speed,
             position: path.first_position(),
             heading,
@@ -224,6 +260,33 @@ impl<S: JsonSchema> JsonSchema for MovingSource<S> {
     }
 }
 
+/// The field on which the absorption of a source depends.
+enum Absorption {
+    Fixed,
+    /// Fraction of the first of two fluids.
+    AtInterface(Read<f64>),
+    /// Enthalpies (J/m³) at which materials boil.
+    UntilBoiling {
+        enthalpy: Read<f64>,
+        limits: Vec<f64>,
+    },
+}
+
+impl Absorption {
+    /// The state of the points at the start of a step of the size `step` (s).
+    fn state<'a>(&'a self, world: &'a World, step: f64) -> AbsorbingState<'a> {
+        match self {
+            Self::Fixed => AbsorbingState::None,
+            Self::AtInterface(fraction) => AbsorbingState::Fraction(world.read(*fraction)),
+            Self::UntilBoiling { enthalpy, limits } => AbsorbingState::Boiling {
+                enthalpy: world.read(*enthalpy),
+                limits,
+                step,
+            },
+        }
+    }
+}
+
 /// A heat source on a toolpath that is ready to heat.
 struct RunningSource {
     body: BodyIndex,
@@ -232,8 +295,7 @@ struct RunningSource {
     depositor: Depositor,
     surface: HeatedSurface,
     heat_source: Write<f64>,
-    /// Fraction of the first of two fluids, at whose interface the source is absorbed.
-    fraction: Option<Read<f64>>,
+    absorption: Absorption,
     /// Longest distance that the source may move over the points in a step while it is on, m.
     longest_way: f64,
     /// Largest speed on the path, m/s.
@@ -291,7 +353,8 @@ impl RunningCoupler for RunningSource {
                     body,
                     grid: self.grid,
                     activity: world.activity(self.body),
-                    fraction: self.fraction.map(|fraction| world.read(fraction)),
+                    state: self.absorption.state(world, step.size),
+                    reducer: world.reducer(self.body),
                 };
                 self.depositor.add(&body, &pose, &mut heat_source)
             }
@@ -326,6 +389,12 @@ impl RunningCoupler for RunningSource {
                 Report::new(format!("position.{name}"), "m", self.position[axis])
             }),
         );
+        if !matches!(self.absorption, Absorption::Fixed) {
+            let Depression { depth, gain } = self.account.depression();
+            reports.push(Report::new("depth", "m", depth));
+            let absorptivity = gain * self.depositor.efficiency();
+            reports.push(Report::new("absorptivity", "1", absorptivity));
+        }
         reports.extend(self.heading.report());
         reports.extend(self.path.report());
         reports

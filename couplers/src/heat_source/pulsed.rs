@@ -14,7 +14,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::account::Account;
-use super::lattice::{LatticeBody, grid};
+use super::lattice::{AbsorbingState, LatticeBody, grid};
 use super::shape::{self, CellGrid, Cells};
 use super::step_positions::StepPositions;
 use crate::surface::OnBody;
@@ -90,7 +90,8 @@ impl RunningCoupler for RunningPulsedLaserSource {
                         body,
                         grid: self.grid,
                         activity: None,
-                        fraction: None,
+                        state: AbsorbingState::None,
+                        reducer: world.reducer(self.body),
                     };
                     self.shape.add(&body, from, to, &mut heat_source)
                 }

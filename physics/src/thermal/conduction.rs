@@ -25,6 +25,7 @@ use nalgebra::Vector3;
 use perimelt_core::body::Layers;
 use perimelt_core::family::LayerRule;
 use perimelt_core::material::{EnthalpyCurve, HeatPotential, Property};
+use perimelt_core::solver::ExactSum;
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Derivatives, Family, Pddo, SlotField};
 use rayon::prelude::*;
@@ -314,7 +315,12 @@ impl Conduction {
         }
     }
 
-    /// Whether the heat flow of each bond depends on its two ends only.
+    /// Whether the heat flow of each bond depends on temperatures and materials at its two ends only.
+    pub(super) fn is_local(&self) -> bool {
+        self.is_by_bonds() && self.interfaces.is_none() && self.plies.is_none()
+    }
+
+    /// Whether the heat flow of each bond depends on the states of its two ends only.
     pub(super) fn is_by_bonds(&self) -> bool {
         self.derivatives.is_none() && self.states.is_none()
     }
@@ -404,12 +410,12 @@ impl Conduction {
 
     /// Heat that flows in through layers with prescribed values, W, from what was loaded, for points of these volumes
     /// (m³); zero in the form of second derivatives, which does not provide it.
-    pub(super) fn inflow(&self, family: &Family, volume: &[f64]) -> f64 {
-        let mut total = 0.0;
+    pub(super) fn inflow(&self, family: &Family, volume: &[f64]) -> ExactSum {
+        let mut total = ExactSum::default();
         if self.derivatives.is_some() {
             return total;
         }
-        let add = |point: usize, [rate]: [f64; 1]| total += volume[point] * rate;
+        let add = |point: usize, [rate]: [f64; 1]| total.add(volume[point] * rate);
         match self.inputs() {
             KernelInputs::One(kernel, inputs) => family.sum_from_layers(&kernel, inputs, add),
             KernelInputs::Series(inputs) => family.sum_from_layers(&Series, inputs, add),

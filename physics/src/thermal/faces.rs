@@ -2,6 +2,7 @@
 
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::family::LayerRule;
+use perimelt_core::solver::{ExactSum, Reducer};
 use perimelt_core::{Body, Face, Report};
 
 /// A face that exchanges heat.
@@ -10,30 +11,34 @@ pub(super) struct HeatedFace {
     pub(super) face: Face,
     /// Point at the face, the next one behind it, and area of the cell face, m².
     cells: Vec<(u32, u32, f64)>,
-    /// Heat that enters, W.
+    /// Heat that enters through the cells of this process, and through all, W.
+    own_inflow: ExactSum,
     inflow: f64,
     /// Smallest and largest heat flux into the body, W/m².
     flux: [f64; 2],
 }
 
 impl HeatedFace {
-    pub(super) fn of(body: &Body, face: Face) -> HeatedFace {
+    /// The cells of the points that this process owns.
+    pub(super) fn of(body: &Body, face: Face, reducer: &Reducer) -> HeatedFace {
         let opposite = face.opposite();
         let cell = |cell: SurfaceCell| {
             let next = body.neighbour(cell.point as usize, opposite)?;
-            Some((cell.point, next as u32, cell.area))
+            let is_own = (cell.point as usize) < reducer.owned();
+            is_own.then_some((cell.point, next as u32, cell.area))
         };
         HeatedFace {
             face,
             cells: body.surface(&[face]).into_iter().filter_map(cell).collect(),
+            own_inflow: ExactSum::default(),
             inflow: 0.0,
             flux: [0.0; 2],
         }
     }
 
     /// Whether the face has cells with a cell behind them, so that its heat flux can be measured.
-    pub(super) fn is_measurable(&self) -> bool {
-        !self.cells.is_empty()
+    pub(super) fn is_measurable(&self, reducer: &Reducer) -> bool {
+        reducer.processes().any(!self.cells.is_empty())
     }
 
     /// Finds the heat that enters by the slope of a parabola through the wall and the two points before it, from the
@@ -49,11 +54,12 @@ impl HeatedFace {
         let (scale, offset) = (rule.scale[0], rule.offset[0]);
         // an even layer insulates
         let wall = offset / (1.0 - scale);
-        if scale == 1.0 || self.cells.is_empty() {
-            (self.inflow, self.flux) = (0.0, [0.0; 2]);
+        self.own_inflow = ExactSum::default();
+        if scale == 1.0 {
+            self.flux = [0.0; 2];
             return;
         }
-        (self.inflow, self.flux) = (0.0, [f64::INFINITY, f64::NEG_INFINITY]);
+        self.flux = [f64::INFINITY, f64::NEG_INFINITY];
         for &(first, next, area) in &self.cells {
             let [first, next] = [first, next].map(|p| p as usize);
             if !(has_material(first) && has_material(next)) {
@@ -62,9 +68,16 @@ impl HeatedFace {
             let slope = (3.0 * temperature[first] - (temperature[next] + 8.0 * wall) / 3.0)
                 / spacing[first];
             let flux = -conductivity(first) * slope;
-            self.inflow += flux * area;
+            self.own_inflow.add(flux * area);
             self.flux = [self.flux[0].min(flux), self.flux[1].max(flux)];
         }
+    }
+
+    /// Completes what was measured by that of the other processes.
+    pub(super) fn add_up(&mut self, reducer: &Reducer) {
+        self.inflow = reducer.total(self.own_inflow.clone());
+        let [least, most] = self.flux;
+        self.flux = [reducer.min(least), reducer.max(most)];
     }
 
     /// Heat that enters through all faces, zero in a steady state without sources.

@@ -329,7 +329,9 @@ impl RunningThermal {
         } = &mut self.integrator;
         // heat sources act on the points of a coarse body that the window does not cover
         let uncovered = self.refined.as_ref().and_then(Refined::uncovered);
+        let reducer = &world.reducer(self.body);
         let flow = HeatFlow {
+            reducer,
             conduction: &mut self.conduction,
             matter,
             volume: uncovered.as_deref().unwrap_or(&body.points.volume),

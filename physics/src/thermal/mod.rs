@@ -86,10 +86,10 @@ mod tests;
 pub use crate::advection::Convection;
 pub use keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
 
+use perimelt_core::body::Horizon;
 use perimelt_core::keys as core_keys;
 use perimelt_core::plugin::check_length;
-use perimelt_core::solver::reduce::{sum_of, weighted_sum};
-
+use perimelt_core::world::FamilyReach;
 use perimelt_core::{
     Balance, Fact, LoadError, Physics, PhysicsReport, Prepared, Read, Report, RunError,
     RunningPhysics, SavedState, Setup, SetupError, Step, StepLimits, Stepping, Work, World,
@@ -178,6 +178,8 @@ impl Fact for ConductsHeat {}
 impl Physics for Thermal {
     fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        let reach = self.horizon.unwrap_or(Horizon::Spacings(3.0));
+        setup.publish(body, FamilyReach(reach))?;
         setup.publish(body, ConductsHeat)
     }
 
@@ -212,7 +214,8 @@ impl RunningPhysics for RunningThermal {
         if let Some(growth) = &mut self.growth {
             growth.start(world);
         }
-        self.heat.initial = weighted_sum(&enthalpy, &self.heated_volumes(world));
+        let heat = [&enthalpy[..], &self.heated_volumes(world)];
+        self.heat.initial = world.reducer(self.body).sum_of(heat, |[h, v]| h * v);
         Ok(())
     }
 
@@ -276,9 +279,10 @@ impl RunningPhysics for RunningThermal {
         }
         let enthalpy = world.read::<f64>(self.fields.enthalpy.into());
         let volume = &self.heated_volumes(world)[..];
-        let stored = weighted_sum(&enthalpy, volume);
+        let reducer = world.reducer(self.body);
+        let stored = reducer.sum_of([&enthalpy, volume], |[h, v]| h * v);
         // errors are relative to the content: the change of the heat may vanish
-        let content = sum_of([&enthalpy, volume], |[h, v]| (h * v).abs());
+        let content = reducer.sum_of([&enthalpy, volume], |[h, v]| (h * v).abs());
         let (initial, supplied) = (
             self.heat.initial,
             self.heat.supplied + self.heat_of_moves(world),
@@ -334,5 +338,5 @@ impl RunningPhysics for RunningThermal {
 perimelt_core::register_physics!(
     "thermal",
     Thermal,
-    supports: [Motion, Flow, Births, Cuts, Window, Layers]
+    supports: [Motion, Flow, Births, Cuts, Window, Layers, Division]
 );

@@ -3,6 +3,7 @@
 use std::rc::Rc;
 use std::sync::Arc;
 
+use perimelt_core::Change;
 use perimelt_core::material::{Directional, Property};
 use perimelt_core::world::exchange::Exchange;
 use perimelt_core::world::{BodyIndex, SurfaceDepths};
@@ -121,6 +122,7 @@ impl RunningThermal {
             fluids.check(&curves)?;
             conduction.set_fluids(fluids, &curves);
         }
+        thermal.refuse_division(setup, body, &conduction);
         let refined = Refined::prepare(setup, &domain, family)?;
         let growth = is_growing
             .then(|| Growth::prepare(setup, body))
@@ -142,7 +144,8 @@ impl RunningThermal {
         let moves = description == Description::UpdatedLagrangian;
         let is_measurable = !moves && !conduction.has_directions();
         let faces = domain.heated.iter().filter(|_| is_measurable);
-        let faces = faces.map(|face| HeatedFace::of(setup.body(body), *face));
+        let reducer = setup.world().reducer(body);
+        let faces = faces.map(|face| HeatedFace::of(setup.body(body), *face, &reducer));
         Ok(RunningThermal {
             solver: thermal.solver,
             is_automatic: thermal.step == StepSize::Auto,
@@ -164,7 +167,7 @@ impl RunningThermal {
             austenite,
             integrator: Integrator::new(keys.solver),
             heat: HeatAccount::default(),
-            faces: faces.filter(HeatedFace::is_measurable).collect(),
+            faces: faces.filter(|face| face.is_measurable(&reducer)).collect(),
             through_layers: 0.0,
             surface,
             stable_step: None,
@@ -266,6 +269,32 @@ impl Thermal {
             Description::Eulerian => usual_horizon(description, body),
             _ => Horizon::Spacings(3.0),
         })
+    }
+
+    /// Refuses what processes cannot share yet.
+    fn refuse_division(&self, setup: &mut Setup<'_>, body: BodyIndex, conduction: &Conduction) {
+        let refuse = |setup: &mut Setup<'_>, key: &str, message: &str, expected: &str| {
+            let error = SetupError::value(key, message, expected);
+            setup.refuse(body, Change::Division, error);
+        };
+        if self.solver != ThermalSolver::Explicit {
+            let message = "several processes share explicit steps only";
+            refuse(
+                setup,
+                "solver",
+                message,
+                "`solver = \"explicit\"`, or one process",
+            );
+        }
+        if !conduction.is_local() {
+            let message = "several processes share conduction by bonds within one material only";
+            refuse(
+                setup,
+                "form",
+                message,
+                "`form = \"bonds\"` and one material, or one process",
+            );
+        }
     }
 
     /// The field of powder and dense material, where the body has powder, whose conductivity is added to `conduction`.

@@ -6,8 +6,8 @@
 //! integrates its account, and the balance holds to rounding.
 
 use perimelt_core::material::EnthalpyCurve;
-use perimelt_core::solver::reduce::{are_equal, norm, sum_of, sum_points};
-use perimelt_core::solver::{At, Rhs, SolverError};
+use perimelt_core::solver::reduce::{are_equal, norm, sum_points};
+use perimelt_core::solver::{At, Reducer, Rhs, SolverError};
 use rayon::prelude::*;
 
 use super::carried::CarriedHeat;
@@ -47,6 +47,7 @@ struct Linearisation {
 
 /// The heat flow of a body during a step.
 pub(super) struct HeatFlow<'a> {
+    pub(super) reducer: &'a Reducer,
     pub(super) conduction: &'a mut Conduction,
     pub(super) matter: Matter<'a>,
     /// Reference volumes, to which enthalpies and sources refer, m³.
@@ -136,18 +137,21 @@ impl HeatFlow<'_> {
         self.conduction.flow(&self.matter);
         let volume = self.current.as_ref().map_or(self.volume, |c| c.volume);
         let mut power = self.conduction.inflow(self.matter.family, volume);
+        let owned = self.reducer.owned();
         let rate = &mut self.conduction.rate;
         if let Some(CurrentVolumes { ratio, .. }) = self.current {
             let points = rate.par_iter_mut().zip(ratio).with_min_len(4096);
             points.for_each(|([r], ratio)| *r *= ratio);
         }
-        power += match (&self.surface, &through) {
-            (None, _) => 0.0,
-            (Some(surface), HeatSum::Temperature(_)) => surface.add(rate, self.volume),
-            (Some(surface), HeatSum::Change { gains, change }) => {
-                surface.add_change(gains, change, rate, self.volume)
+        match (&self.surface, &through) {
+            (None, _) => {}
+            (Some(surface), HeatSum::Temperature(_)) => {
+                surface.add(rate, self.volume, owned, &mut power);
             }
-        };
+            (Some(surface), HeatSum::Change { gains, change }) => {
+                surface.add_change([gains, change], rate, self.volume, owned, &mut power);
+            }
+        }
         if let (Some(exchanged), HeatSum::Temperature(now)) = (&self.exchanged, &through) {
             let points = exchanged
                 .conductance
@@ -160,7 +164,7 @@ impl HeatFlow<'_> {
         }
         let is_change = matches!(through, HeatSum::Change { .. });
         if let Some(source) = self.source.filter(|_| !is_change) {
-            power += sum_of([source, self.volume], |[q, v]| q * v);
+            power.merge(&(self.reducer).own_sum_of([source, self.volume], |[q, v]| q * v));
             rate.par_iter_mut()
                 .zip(source)
                 .with_min_len(4096)
@@ -170,14 +174,17 @@ impl HeatFlow<'_> {
             carried.add(&self.matter, *dt, rate);
         }
         if let Some(constraint) = self.constraint {
-            for (([r], c), v) in rate.iter_mut().zip(constraint).zip(self.volume) {
+            let points = rate.iter_mut().zip(constraint).zip(self.volume);
+            for (point, (([r], c), v)) in points.enumerate() {
                 if *c > 0.0 {
-                    power -= *r * v;
+                    if point < owned {
+                        power.add(-*r * v);
+                    }
                     *r = 0.0;
                 }
             }
         }
-        power
+        self.reducer.total(power)
     }
 }
 

@@ -313,7 +313,10 @@ impl RunningThermal {
         let Some(surface) = &self.surface else {
             return f64::INFINITY;
         };
-        let hottest = surface.hottest(&world.read::<f64>(self.fields.temperature.into()));
+        let hottest = surface.hottest(
+            &world.read::<f64>(self.fields.temperature.into()),
+            &world.reducer(self.body),
+        );
         let sums_of = self.growth.as_ref().and_then(|growth| growth.row_sums_of);
         let found_for = (hottest, surface.changes(), sums_of);
         let moves = self.moves;
@@ -344,7 +347,10 @@ impl RunningThermal {
     pub(super) fn given_step(&mut self, world: &World) -> Option<f64> {
         self.follow_surface(world);
         let surface = self.surface.as_mut().filter(|s| !s.given.is_empty())?;
-        let hottest = surface.hottest(&world.read::<f64>(self.fields.temperature.into()));
+        let hottest = surface.hottest(
+            &world.read::<f64>(self.fields.temperature.into()),
+            &world.reducer(self.body),
+        );
         let body = world.body(self.body);
         let largest = |point: usize, axis: usize| {
             let material = body.material_of_point[point];
@@ -373,13 +379,15 @@ impl RunningThermal {
         self.follow_fluids(world);
         self.follow_surface(world);
         let temperature = world.read::<f64>(self.fields.temperature.into());
+        let reducer = world.reducer(self.body);
         if let Some(surface) = &self.surface {
-            surface.report(&ConductingPoints {
+            let points = ConductingPoints {
                 conduction: &self.conduction,
                 curves: &self.curves,
                 material: &world.body(self.body).material_of_point,
                 temperature: &temperature,
-            });
+            };
+            surface.report(&points, &reducer);
         }
         if self.faces.is_empty() {
             return;
@@ -394,7 +402,8 @@ impl RunningThermal {
             curves: &self.curves,
         };
         self.conduction.load(&matter, &temperature);
-        self.through_layers = self.conduction.inflow(&family, &self.heated_volumes(world));
+        let inflow = (self.conduction).inflow(&family, &self.heated_volumes(world));
+        self.through_layers = reducer.total(inflow);
         let points = ConductingPoints {
             conduction: &self.conduction,
             curves: &self.curves,
@@ -409,6 +418,7 @@ impl RunningThermal {
                 let axis = face.face.axis();
                 let conductivity = |point: usize| points.conductivity_along(point, axis);
                 face.measure(rule, &temperature, has_material, conductivity, spacing);
+                face.add_up(&reducer);
             }
         }
     }

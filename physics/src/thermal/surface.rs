@@ -14,6 +14,7 @@
 
 use std::rc::Rc;
 
+use perimelt_core::solver::{ExactSum, Reducer};
 use perimelt_core::world::exchange::{Exchange, SurfaceDepth, SurfaceLaw};
 use perimelt_core::{Body, Face};
 use rayon::prelude::*;
@@ -225,16 +226,35 @@ impl Surface {
         });
     }
 
-    /// Adds the heat of the last evaluation to the rates of the points (W/m³); returns its power, W.
-    pub(super) fn add(&self, rate: &mut [[f64; 1]], volume: &[f64]) -> f64 {
-        let mut power = 0.0;
-        for (face, through) in self.faces.iter().zip(&self.fluxes) {
+    /// Adds the heat of the last evaluation to the rates of the points (W/m³), and its power (W) at the first `owned` ones to `power`.
+    pub(super) fn add(
+        &self,
+        rate: &mut [[f64; 1]],
+        volume: &[f64],
+        owned: usize,
+        power: &mut ExactSum,
+    ) {
+        let faces = self.faces.iter().zip(&self.fluxes);
+        let heats = faces.map(|(face, through)| face.area_over_volume * through.flux);
+        self.add_heats(heats, rate, volume, owned, power);
+    }
+
+    /// Adds a heat of each face (W/m³), and its power.
+    fn add_heats(
+        &self,
+        heats: impl Iterator<Item = f64>,
+        rate: &mut [[f64; 1]],
+        volume: &[f64],
+        owned: usize,
+        power: &mut ExactSum,
+    ) {
+        for (face, heat) in self.faces.iter().zip(heats) {
             let point = face.point as usize;
-            let heat = face.area_over_volume * through.flux;
             rate[point][0] += heat;
-            power += heat * volume[point];
+            if point < owned {
+                power.add(heat * volume[point]);
+            }
         }
-        power
     }
 
     /// The derivatives of the heat through the faces by the temperatures of their points when last evaluated, W/(m³ K), then
@@ -246,22 +266,18 @@ impl Surface {
         gains.extend(self.given_rates(|law, through| through.transfer * law.slope));
     }
 
-    /// Adds the change of the heat for a `change` of the temperatures (K) to the rates; returns the change of the power.
+    /// Adds the change of the heat for a `change` of the temperatures (K) to the rates, and that of the power to `power`, as [`Surface::add`].
     pub(super) fn add_change(
         &self,
-        gains: &[f64],
-        change: &[f64],
+        [gains, change]: [&[f64]; 2],
         rate: &mut [[f64; 1]],
         volume: &[f64],
-    ) -> f64 {
-        let mut power = 0.0;
-        for (face, gain) in self.faces.iter().zip(gains) {
-            let point = face.point as usize;
-            let heat = gain * change[point];
-            rate[point][0] += heat;
-            power += heat * volume[point];
-        }
-        power
+        owned: usize,
+        power: &mut ExactSum,
+    ) {
+        let faces = self.faces.iter().zip(gains);
+        let heats = faces.map(|(face, gain)| gain * change[face.point as usize]);
+        self.add_heats(heats, rate, volume, owned, power);
     }
 
     /// Subtracts the gains of the last evaluation, over a capacity, from the diagonal of a tangent.
@@ -274,8 +290,8 @@ impl Surface {
     }
 
     /// Passes the power of each exchange and the temperatures of the surface to the exchange.
-    pub(super) fn report(&self, points: &ConductingPoints<'_>) {
-        let mut power = vec![0.0; self.exchanges.len()];
+    pub(super) fn report(&self, points: &ConductingPoints<'_>, reducer: &Reducer) {
+        let mut power = vec![ExactSum::default(); self.exchanges.len()];
         let cells = self
             .exchanges
             .iter()
@@ -291,24 +307,26 @@ impl Surface {
                 for part in parts {
                     let (exchange, cell) = (part.exchange as usize, part.cell as usize);
                     let flux = laws[exchange].flux(cell, surface).flux;
-                    power[exchange] += flux * part.area;
+                    if (face.point as usize) < reducer.owned() {
+                        power[exchange].add(flux * part.area);
+                    }
                     temperatures[exchange][cell] = surface;
                 }
             }
         }
         let observed = power.into_iter().zip(temperatures);
         for (exchange, (power, temperatures)) in self.exchanges.iter().zip(observed) {
-            exchange.set_observed(power, temperatures);
+            exchange.set_observed(reducer.total(power), temperatures);
         }
     }
 
     /// Bound of the temperatures of the points at the surface and of their surroundings, K, in steps of two per cent, so that it
     /// rarely changes.
-    pub(super) fn hottest(&self, temperature: &[f64]) -> f64 {
+    pub(super) fn hottest(&self, temperature: &[f64], reducer: &Reducer) -> f64 {
         const STEP: f64 = 1.02;
         let faces = self.faces.iter().map(|f| temperature[f.point as usize]);
         let around = self.exchanges.iter().map(|e| e.law().surroundings());
-        let hottest = faces.chain(around).fold(1.0, f64::max);
+        let hottest = reducer.max(faces.chain(around).fold(1.0, f64::max));
         STEP.powf((hottest.ln() / STEP.ln()).ceil())
     }
 

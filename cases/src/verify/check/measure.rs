@@ -58,6 +58,8 @@ pub enum OverTime {
     Min,
     /// Mean.
     Mean,
+    /// Change from the first to the last one over the time between them, per s.
+    Rate,
 }
 
 shared_keys! {

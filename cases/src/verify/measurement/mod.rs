@@ -18,6 +18,8 @@ pub struct Measurement {
     schedule: Schedule,
     /// Number of states in `values`.
     states: u32,
+    /// Time of the first state, s, and its values, of a rate.
+    first: Option<(f64, Vec<f64>)>,
     values: Option<Vec<f64>>,
 }
 
@@ -32,6 +34,7 @@ impl Measurement {
             sampler,
             schedule,
             states: 0,
+            first: None,
             values: None,
         })
     }
@@ -54,10 +57,17 @@ impl Measurement {
         let Some(taken) = self.sampler.take(simulation) else {
             return;
         };
+        if self.schedule.over_time == OverTime::Rate {
+            let (start, first) = &*self.first.get_or_insert_with(|| (now, taken.clone()));
+            let changes = taken.iter().zip(first).map(|(last, first)| last - first);
+            let rates = changes.map(|change| change / (now - start)).collect();
+            self.values = (now > *start).then_some(rates);
+            return;
+        }
         self.states += 1;
         let fraction = 1.0 / f64::from(self.states);
         let combine = |all: f64, value: f64| match self.schedule.over_time {
-            OverTime::Last => value,
+            OverTime::Last | OverTime::Rate => value,
             OverTime::Max => largest([all, value].into_iter()),
             OverTime::Min => -largest([-all, -value].into_iter()),
             OverTime::Mean => all + fraction * (value - all),

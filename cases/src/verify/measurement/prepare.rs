@@ -36,7 +36,7 @@ impl Schedule {
         let over_time = match (over_time, since) {
             (Some(OverTime::Last), Some(since)) => {
                 let message = format!("`since` = {since} s has no effect on the last state");
-                let expected = "\"max\", \"min\" or \"mean\", or no `since`";
+                let expected = "\"max\", \"min\", \"mean\" or \"rate\", or no `since`";
                 return Err(SetupError::value("measure.over_time", message, expected));
             }
             (Some(over_time), _) => over_time,

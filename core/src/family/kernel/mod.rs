@@ -161,11 +161,11 @@ fn for_each<T: Sync>(parts: &[T], sweep: &(dyn Fn(&T) + Sync)) {
 }
 
 impl Family {
-    /// For every point, the sum of `kernel` over its bonds; `inputs` in slot space, `sums`
-    /// by point. Bit-identical for any number of threads.
+    /// For every point that the family owns, the sum of `kernel` over its bonds; `inputs` in slot space, `sums`
+    /// by point; those of remote points are zero. Bit-identical for any number of threads.
     ///
     /// # Panics
-    /// When an input is not [`Family::slots`] long or `sums` not one element per point.
+    /// When an input is not [`Family::slots`] long or `sums` less than one element per point.
     pub fn sum<const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
@@ -213,7 +213,11 @@ impl Family {
         output: Output<'_, O>,
     ) {
         self.check_inputs(&inputs);
-        assert_eq!(output.len, self.points, "one sum per point");
+        assert!(output.len >= self.points, "one sum per point");
+        for point in self.points..output.len {
+            // SAFETY: it is a point of the output, which nobody else sets.
+            unsafe { output.set(point, [0.0; O]) }
+        }
         let inputs = SweepInputs {
             values: &inputs,
             broken,

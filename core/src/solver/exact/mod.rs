@@ -8,6 +8,7 @@
 #[allow(unsafe_code)]
 mod split;
 
+use crate::transport::Processes;
 use split::{LANES, LENGTH, Parts, split};
 
 /// Bits of a digit.
@@ -16,6 +17,12 @@ const WIDTH: u32 = 40;
 const LEAST: i32 = -1074;
 /// Digits of the largest number, and one for sums above it.
 const DIGITS: usize = 2098_usize.div_ceil(WIDTH as usize) + 1;
+
+/// Integers for sums of terms that are not finite.
+const SPECIAL: usize = 3;
+
+/// A sum for other processes: digits of 40 bits, and how many sums are not a number, infinite and minus infinite.
+type Integers = [i64; DIGITS + SPECIAL];
 
 /// A sum without rounding.
 #[derive(Clone, Debug)]
@@ -86,6 +93,52 @@ impl ExactSum {
         self.special += other.special;
     }
 
+    /// The sum as integers: those of several sums add up to those of their sum.
+    fn to_integers(&self) -> Integers {
+        let mut digits = self.digits;
+        let left = carry(&mut digits, 0);
+        let mut integers = [0; DIGITS + SPECIAL];
+        for (integer, digit) in integers.iter_mut().zip(digits) {
+            *integer = digit as i64;
+        }
+        integers[DIGITS - 1] += (left << WIDTH) as i64;
+        let special = [
+            self.special.is_nan(),
+            self.special == f64::INFINITY,
+            self.special == f64::NEG_INFINITY,
+        ];
+        let counts = &mut integers[DIGITS..];
+        counts
+            .iter_mut()
+            .zip(special)
+            .for_each(|(count, is)| *count = i64::from(is));
+        integers
+    }
+
+    fn from_integers(integers: &Integers) -> Self {
+        let (digits, counts) = integers.split_at(DIGITS);
+        let special = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY]
+            .into_iter()
+            .zip(counts);
+        let special = special
+            .filter(|(_, count)| **count > 0)
+            .map(|(value, _)| value);
+        ExactSum {
+            digits: std::array::from_fn(|n| i128::from(digits[n])),
+            used: [0, DIGITS],
+            special: special.sum(),
+        }
+    }
+
+    /// Replaces the sum by the total of those of all processes.
+    pub fn add_up(&mut self, processes: &Processes) {
+        if let Some(transport) = processes.transport() {
+            let mut integers = self.to_integers();
+            transport.sum(&mut integers);
+            *self = ExactSum::from_integers(&integers);
+        }
+    }
+
     /// The sum, rounded to the nearest number, ties to even.
     pub fn value(&self) -> f64 {
         if self.special != 0.0 {
@@ -151,8 +204,8 @@ impl<const N: usize> Sums<N> {
         self
     }
 
-    pub(super) fn values(&self) -> [f64; N] {
-        self.sums.each_ref().map(ExactSum::value)
+    pub(super) fn into_sums(self) -> [ExactSum; N] {
+        self.sums
     }
 }
 

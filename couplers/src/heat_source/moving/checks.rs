@@ -1,11 +1,12 @@
 //! Checks of a moving source: its size, its power, and whether it reaches the body.
 
 use nalgebra::Vector3;
+use perimelt_core::solver::Reducer;
 use perimelt_core::text::{number, position};
 use perimelt_core::{Body, Setup, SetupError};
 
 use super::MovingSource;
-use crate::heat_source::lattice::{LatticeBody, grid};
+use crate::heat_source::lattice::{AbsorbingState, LatticeBody, grid};
 use crate::heat_source::shape::{Depositor, SourceShape};
 use crate::toolpath::Track;
 
@@ -43,6 +44,7 @@ impl<S: SourceShape> MovingSource<S> {
     pub(super) fn check_path(
         &self,
         body: &Body,
+        reducer: &Reducer,
         track: &Track,
         margin: f64,
         depositor: &mut Depositor,
@@ -82,7 +84,8 @@ impl<S: SourceShape> MovingSource<S> {
             body,
             grid: grid(body),
             activity: None,
-            fraction: None,
+            state: AbsorbingState::None,
+            reducer: reducer.clone(),
         });
         let mut heat = vec![0.0; body.points.len()];
         let heats = |(start, end): (f64, f64)| {

@@ -15,6 +15,7 @@ use super::{CellGrid, CellSampling, Cells, Deposit, HeatedBody, Sampling, check_
 use crate::toolpath::Pose;
 use nalgebra::Vector3;
 use perimelt_core::SetupError;
+use perimelt_core::solver::ExactSum;
 
 /// Most cells in a cross-section of the source: 1 GB of work space.
 pub(super) const MOST_CELLS: f64 = 1e8;
@@ -203,7 +204,7 @@ impl Beam {
         let rows = inside(spans[1].first, spans[1].count, grid.dims[axes[1]]);
         let columns = inside(spans[0].first, spans[0].count, grid.dims[axes[0]]);
         let layers = inside(layer, scratch.depth.len(), grid.dims[depth_axis]);
-        let mut hit = 0.0;
+        let mut hit = ExactSum::default();
         for k in layers {
             for j in rows.clone() {
                 for i in columns.clone() {
@@ -214,12 +215,12 @@ impl Beam {
                     cell[axes[1]] = (spans[1].first + j as i64) as usize;
                     if let Some(point) = body.point(cell) {
                         values[point] += scale * part / body.volume(point);
-                        hit += part;
+                        hit.add(part);
                     }
                 }
             }
         }
-        Deposit::of_parts(asked, scale, hit, all)
+        Deposit::of_parts(asked, scale, body.total(hit), all)
     }
 
     /// [`Beam::add`] for a body without a lattice.

@@ -178,6 +178,7 @@ impl<'a> Cells<'a> {
             asked,
             deposited,
             lost,
+            ..Deposit::default()
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Deposits a source at a pose as power density on the points of a body.
 
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 use super::beam::Scratch;
 use super::{CellGrid, Cells, HeatedBody, PowerDensity, Sampling, SourceShape, no_direction};
@@ -17,21 +18,29 @@ pub struct Deposit {
     pub deposited: f64,
     /// Power that missed the body: the part of cells without material.
     pub lost: f64,
+    /// The surface that a beam meets that is absorbed column by column.
+    pub depression: Option<Depression>,
+}
+
+/// The surface of an interface or a keyhole below a beam.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Depression {
+    /// Largest depth below the heated surface, m.
+    pub depth: f64,
+    /// Absorptivity over that of the flat surface.
+    pub gain: f64,
 }
 
 impl Deposit {
     /// The deposit of `scale` (W) times the parts of cells, of `all` of which the ones with the sum `hit` have material.
     pub(super) fn of_parts(asked: f64, scale: f64, hit: f64, all: f64) -> Self {
         // a difference of rounding size is not lost power
-        let lost = if all - hit > 1e-12 * all {
-            scale * (all - hit)
-        } else {
-            0.0
-        };
+        let hit = if all - hit > 1e-12 * all { hit } else { all };
         Deposit {
             asked,
             deposited: scale * hit,
-            lost,
+            lost: scale * (all - hit),
+            ..Deposit::default()
         }
     }
 
@@ -63,11 +72,15 @@ impl Depositor {
                 beam.check_size(grid)?;
                 beam.sampled.heated_surface.axis(grid)?
             }
-            PowerDensity::Interface(beam) => {
+            PowerDensity::Columns(beam) => {
                 beam.check_size(grid)?;
                 let surface = &beam.sampled.heated_surface;
                 match surface.direction {
-                    Some(_) => return Err(no_direction("a beam absorbed at an interface")),
+                    Some(_) => {
+                        return Err(no_direction(
+                            "a beam absorbed at an interface or in a keyhole",
+                        ));
+                    }
                     None => None,
                 }
             }
@@ -107,8 +120,9 @@ impl Depositor {
                 let expected = "no `sampling`, or a body with `spacing`";
                 Err(SetupError::value("sampling", message, expected))
             }
-            PowerDensity::Interface(_) => {
-                let message = "a beam that an interface absorbs needs the cells of a lattice";
+            PowerDensity::Columns(_) => {
+                let message =
+                    "a beam that an interface or a keyhole absorbs needs the cells of a lattice";
                 let expected = "a body with `spacing`";
                 Err(SetupError::value("penetration", message, expected))
             }
@@ -130,7 +144,7 @@ impl Depositor {
                 beam.add_to_cells(cells, pose, power, values, &mut self.scratch)
             }
             // refused at set-up
-            PowerDensity::Interface(_) => Deposit::default(),
+            PowerDensity::Columns(_) => Deposit::default(),
             PowerDensity::Sampled(density) => {
                 density.add_to_cells(cells, pose, power, values, &mut self.scratch.parts)
             }
@@ -158,7 +172,7 @@ impl Depositor {
                 let sampled = beam.tilted(pose, axis);
                 sampled.add(body, power, values, &mut scratch.lateral)
             }
-            (PowerDensity::Interface(beam), _) => beam.add(body, pose, power, values, scratch),
+            (PowerDensity::Columns(beam), _) => beam.add(body, pose, power, values, scratch),
             (PowerDensity::Beam(beam), None) => beam.add(body, pose, power, values, scratch),
             (PowerDensity::Sampled(density), axis) => {
                 let sampled = density.sampled(pose, axis);

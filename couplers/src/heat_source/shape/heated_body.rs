@@ -1,6 +1,7 @@
 //! The body that a source heats, as a lattice of cells with or without a material point.
 
 use nalgebra::Vector3;
+use perimelt_core::solver::ExactSum;
 use perimelt_core::{Face, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -49,9 +50,19 @@ pub trait HeatedBody {
     /// Volume of a point (m³).
     fn volume(&self, point: usize) -> f64;
 
+    /// The total of what each process has summed over its cells.
+    fn total(&self, own: ExactSum) -> f64 {
+        own.value()
+    }
+
     /// Fraction of the first of two fluids at a point, where there are two.
     fn first_fluid(&self, _point: usize) -> Option<f64> {
         None
+    }
+
+    /// Power density (W/m³) with which a point boils at the end of the step, below zero where it is hotter; infinite where it never boils.
+    fn boiling_power(&self, _point: usize) -> f64 {
+        f64::INFINITY
     }
 }
 

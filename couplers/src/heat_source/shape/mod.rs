@@ -6,7 +6,7 @@
 //! | [`Gaussian`] | `gaussian.rs` | `exp(-r^2 / 2 sigma^2)`, spread evenly over an effective depth |
 //! | [`SemiEllipsoid`] | `ellipsoid.rs` | `exp(-3 xi^2/c^2 - 3 eta^2/a^2 - 3 zeta^2/b^2)` |
 //! | [`Goldak`] | `ellipsoid.rs` | `SemiEllipsoid` with different lengths in front and behind |
-//! | [`SuperGaussian`] | `super_gaussian.rs` | `exp(-2 (r/w)^k)`, times a choice of depth profiles, or at an interface (`interface_beam.rs`) |
+//! | [`SuperGaussian`] | `super_gaussian.rs` | `exp(-2 (r/w)^k)`, times a choice of depth profiles, or column by column (`column_beam.rs`) |
 //! | [`Profile`] | `formula_profile.rs` | a formula in x, y, z and r |
 //! | a shape of another crate | | any [`Density`] |
 //! | [`PulsedLaser`] | `pulsed.rs` | `exp(-zeta/l)` under a whole face, a pulse in time, no toolpath |
@@ -25,13 +25,13 @@
 
 mod beam;
 mod cells;
+mod column_beam;
 mod density;
 mod deposit;
 mod ellipsoid;
 mod formula_profile;
 mod gaussian;
 mod heated_body;
-mod interface_beam;
 mod point;
 mod profile;
 mod pulsed;
@@ -43,13 +43,13 @@ mod tilted;
 
 pub use beam::Beam;
 pub use cells::{Cells, Cover};
+pub use column_beam::{Absorber, ColumnBeam};
 pub use density::{Density, DensityOnFace};
-pub use deposit::{Deposit, Depositor};
+pub use deposit::{Deposit, Depositor, Depression};
 pub use ellipsoid::{Goldak, SemiEllipsoid};
 pub use formula_profile::Profile;
 pub use gaussian::Gaussian;
 pub use heated_body::{CellGrid, HeatedBody, HeatedSurface};
-pub use interface_beam::InterfaceBeam;
 pub use point::{Dwell, Point};
 pub use pulsed::PulsedLaser;
 pub use super_gaussian::{Penetration, SuperGaussian};
@@ -80,9 +80,9 @@ pub trait SourceShape: std::fmt::Debug {
         Ok(())
     }
 
-    /// Whether the interface of two fluids absorbs the power.
-    fn heats_interface(&self) -> bool {
-        false
+    /// What absorbs a beam that is absorbed column by column.
+    fn absorber(&self) -> Option<Absorber> {
+        None
     }
 
     /// The power density on a body with the cells of `grid`.
@@ -99,8 +99,8 @@ pub enum PowerDensity {
     Point(Point),
     /// A footprint on the heated face times a depth profile, with exact averages of cells.
     Beam(Beam),
-    /// A footprint that the first of two fluids absorbs at their interface.
-    Interface(InterfaceBeam),
+    /// A footprint that is absorbed column by column: at an interface, or on the wall of a keyhole.
+    Columns(ColumnBeam),
     /// Any density, which is sampled.
     Sampled(DensityOnFace),
 }

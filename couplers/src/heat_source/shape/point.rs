@@ -8,6 +8,7 @@
 //! Not for temperatures within a horizon of the source: the peak depends on the phase of the hop.
 
 use perimelt_core::SetupError;
+use perimelt_core::solver::ExactSum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -88,24 +89,19 @@ impl Point {
         let [xs, ys, zs] = [0, 1, 2].map(|axis| self.cells(grid, pose, axis));
         let number = [&xs, &ys, &zs].map(|[first, last]| last - first + 1);
         let cell_power = asked / number.iter().product::<i64>() as f64;
-        let mut deposit = Deposit {
-            asked,
-            ..Deposit::default()
-        };
+        let mut hit = ExactSum::default();
         for z in zs[0]..=zs[1] {
             for y in ys[0]..=ys[1] {
                 for x in xs[0]..=xs[1] {
-                    match point_at(body, [x, y, z]) {
-                        Some(point) => {
-                            values[point] += cell_power / body.volume(point);
-                            deposit.deposited += cell_power;
-                        }
-                        None => deposit.lost += cell_power,
+                    if let Some(point) = point_at(body, [x, y, z]) {
+                        values[point] += cell_power / body.volume(point);
+                        hit.add(1.0);
                     }
                 }
             }
         }
-        deposit
+        let all = number.iter().product::<i64>() as f64;
+        Deposit::of_parts(asked, cell_power, body.total(hit), all)
     }
 
     /// [`Point::add`] for a body without a lattice: equal parts at the positions half a cell before and behind the source

@@ -189,6 +189,7 @@ impl PulsedLaser {
             asked,
             deposited,
             lost: asked - deposited,
+            ..Deposit::default()
         }
     }
 }

@@ -4,6 +4,7 @@
 //! depth zeta along the axis. Cells that the density reaches receive the mean of their samples, two Gauss points in each panel.
 
 use nalgebra::Vector3;
+use perimelt_core::solver::ExactSum;
 
 use super::{CellGrid, Deposit, HeatedBody};
 
@@ -171,20 +172,22 @@ impl Sampled<'_> {
             })
         };
         parts.clear();
-        let [mut all, mut hit] = [0.0; 2];
+        let (mut all, mut hit) = (0.0, ExactSum::default());
         for cell in cells() {
             let part = self.mean(&centre(cell), &offsets);
             all += part;
             if point_in(cell).is_some() {
-                hit += part;
+                hit.add(part);
             }
             parts.push(part);
         }
+        let hit = body.total(hit);
         if all == 0.0 {
             return Deposit {
                 asked: power,
                 deposited: 0.0,
                 lost: power,
+                ..Deposit::default()
             };
         }
         let deposited = power * self.deposited_fraction(&grid, all, hit);
@@ -200,6 +203,7 @@ impl Sampled<'_> {
             asked: power,
             deposited,
             lost: if lost > 1e-12 * power { lost } else { 0.0 },
+            ..Deposit::default()
         }
     }
 

@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{CellGrid, CellSampling, HeatedSurface, InterfaceBeam, PowerDensity, SourceShape};
+use super::{
+    Absorber, CellGrid, CellSampling, ColumnBeam, HeatedSurface, PowerDensity, SourceShape,
+};
 use perimelt_core::numbers::{check_fraction, check_positive, check_within};
 use perimelt_core::world::TwoFluids;
 
@@ -41,18 +43,20 @@ flattened! {
         #[schemars(extend("minimum" = 1, "maximum" = 50))]
         pub order: f64,
         /// l, depth (m) with the meaning that `penetration` gives it. A 2D plate absorbs all power through its thickness. Only a beam
-        /// that an interface absorbs has none.
+        /// that an interface or a keyhole absorbs has none.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub penetration_depth: Option<f64>,
         /// How the power falls with depth, at the same total: `uniform` down to l; `linear` to zero at l; `gaussian`,
         /// exp(-2 (zeta/l)^2), as `radius` across the beam and as in other codes; `exponential`, exp(-zeta/l), the law of Beer
         /// and Lambert. Power deeper than l: none, none, 5 %, 37 %. Mean depth: 0.5, 0.33, 0.4 and 1 l. `interface`: where the beam meets
-        /// the first of two fluids (`fluids` of `fluid`), without `penetration_depth`. Default `exponential`.
+        /// the first of two fluids (`fluids` of `fluid`); `keyhole`: in cells below the boiling temperature, so that a cavity of boiling cells
+        /// deepens until conduction takes the power; both without `penetration_depth`. Default `exponential`.
         #[serde(default)]
         pub penetration: Penetration,
-        /// Whether a depression of an interface absorbs what its walls reflect: the absorptivity is then A/(A + (1 - A) s/S), with
-        /// the area s of its opening and S of its wall below the level of the toolpath. Only with `penetration = "interface"`; default no.
+        /// Whether a depression or a keyhole absorbs what its walls reflect: the absorptivity is then A/(A + (1 - A) s/S), with
+        /// the area s of its opening and S of its wall below the level of the toolpath. Only with `penetration = "interface"` or
+        /// `"keyhole"`; default no.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         pub reflections: bool,
     }
@@ -73,6 +77,8 @@ pub enum Penetration {
     Linear,
     /// At the interface of two fluids, in the first one, column by column along the beam.
     Interface,
+    /// In cells that do not boil yet, column by column along the beam.
+    Keyhole,
 }
 
 fn gaussian_order() -> f64 {
@@ -86,21 +92,31 @@ impl SuperGaussian {
             Some(depth) => check_positive("penetration_depth", depth, "m"),
             None => {
                 let message = "the depth that the beam heats is missing";
-                let expected =
-                    "`penetration_depth` in m, or `penetration = \"interface\"` between two fluids";
+                let expected = "`penetration_depth` in m, or `penetration = \"keyhole\"`, or \
+                                `\"interface\"` between two fluids";
                 Err(SetupError::value("penetration_depth", message, expected))
             }
         }
     }
-}
 
-/// Refuses the depth of a beam that an interface absorbs.
-fn need_no_depth(depth: Option<f64>) -> Result<(), SetupError> {
-    let message = "a beam that an interface absorbs has no depth";
-    let expected = "no `penetration_depth`, or another `penetration`";
-    match depth {
-        None => Ok(()),
-        Some(_) => Err(SetupError::value("penetration_depth", message, expected)),
+    /// The beam as one that is absorbed column by column.
+    fn columns(
+        &self,
+        absorber: Absorber,
+        footprint: Footprint,
+    ) -> Result<PowerDensity, SetupError> {
+        if self.penetration_depth.is_some() {
+            let message = "a beam that an interface or a keyhole absorbs has no depth";
+            let expected = "no `penetration_depth`, or another `penetration`";
+            return Err(SetupError::value("penetration_depth", message, expected));
+        }
+        Ok(PowerDensity::Columns(ColumnBeam {
+            footprint,
+            sampled: self.sampled.clone(),
+            absorber,
+            reflecting: self.reflections.then(|| self.absorptivity.unwrap_or(1.0)),
+            widest_key: "radius",
+        }))
     }
 }
 
@@ -121,14 +137,19 @@ impl SourceShape for SuperGaussian {
         self.sampled.heated_surface
     }
 
-    fn heats_interface(&self) -> bool {
-        self.penetration == Penetration::Interface
+    fn absorber(&self) -> Option<Absorber> {
+        match self.penetration {
+            Penetration::Interface => Some(Absorber::Interface),
+            Penetration::Keyhole => Some(Absorber::Keyhole),
+            _ => None,
+        }
     }
 
     /// Takes the absorptivity of the material, where the case gives none; at an interface that of the first fluid.
     fn complete(&mut self, setup: &Setup<'_>, body: usize) -> Result<(), SetupError> {
         let fluids = setup.facts::<TwoFluids>(body).next();
-        if fluids.is_none() && self.heats_interface() {
+        let heats_interface = self.absorber() == Some(Absorber::Interface);
+        if fluids.is_none() && heats_interface {
             let name = &setup.body(body).name;
             let message =
                 format!("no two fluids flow through body `{name}`, so that it has no interface");
@@ -146,7 +167,7 @@ impl SourceShape for SuperGaussian {
             ));
         }
         let mut found: Option<f64> = None;
-        let first = fluids.filter(|_| self.heats_interface());
+        let first = fluids.filter(|_| heats_interface);
         let first = first.and_then(|fluids| fluids.indices(setup.body(body)));
         let materials = setup.body(body).materials.iter().enumerate();
         let absorbing =
@@ -165,28 +186,28 @@ impl SourceShape for SuperGaussian {
         Ok(())
     }
 
-    fn power_density(&self, _: &CellGrid) -> Result<PowerDensity, SetupError> {
+    fn power_density(&self, grid: &CellGrid) -> Result<PowerDensity, SetupError> {
         check_fraction("absorptivity", self.absorptivity.unwrap_or(1.0))?;
         if let Some(wavelength) = self.wavelength {
             check_positive("wavelength", wavelength, "m")?;
         }
         let radius = check_positive("radius", self.radius, "m")?;
         let order = check_within("order", self.order, 1.0, 50.0)?;
-        if self.reflections && self.penetration != Penetration::Interface {
+        if self.reflections && self.absorber().is_none() {
             let message = "a beam that is absorbed in depth is not reflected to other walls";
-            let expected = "`penetration = \"interface\"`, or no `reflections`";
+            let expected = "`penetration = \"keyhole\"` or `\"interface\"`, or no `reflections`";
             return Err(SetupError::value("reflections", message, expected));
         }
         let footprint = Footprint::super_gaussian(radius, order);
         let depth = match self.penetration {
-            Penetration::Interface => {
-                need_no_depth(self.penetration_depth)?;
-                return Ok(PowerDensity::Interface(InterfaceBeam {
-                    footprint,
-                    sampled: self.sampled.clone(),
-                    reflecting: self.reflections.then(|| self.absorptivity.unwrap_or(1.0)),
-                    widest_key: "radius",
-                }));
+            Penetration::Interface => return self.columns(Absorber::Interface, footprint),
+            Penetration::Keyhole => {
+                if grid.is_thickness(self.sampled.heated_surface.face.axis()) {
+                    let message = "a plate (2D) has no depth in which a keyhole could grow";
+                    let expected = "a 3D body, or `heated_surface.face` in the plane";
+                    return Err(SetupError::value("penetration", message, expected));
+                }
+                return self.columns(Absorber::Keyhole, footprint);
             }
             Penetration::Exponential => DepthProfile::Exponential {
                 length: self.depth()?,

@@ -1,0 +1,90 @@
+//! Sums and extremes over the points of a body, whichever process owns them.
+
+use super::exact::ExactSum;
+use super::reduce::{exact_sum_of, exact_sums_of_points};
+use crate::transport::Processes;
+
+/// Sums and extremes over all points of a body, of which this process owns the first ones. Calls are collective: all processes make the same ones.
+///
+/// Sums have the same bits for any number of processes, see [`reduce`](super::reduce).
+#[derive(Clone, Debug)]
+pub struct Reducer {
+    /// Points that this process has, and how many of them it owns.
+    points: usize,
+    owned: usize,
+    processes: Processes,
+}
+
+impl Reducer {
+    /// Of a body of which this process has `points`, and owns the first `owned` ones.
+    pub(crate) fn new(points: usize, owned: usize, processes: Processes) -> Self {
+        Reducer {
+            points,
+            owned,
+            processes,
+        }
+    }
+
+    /// Number of points that this process owns, the first ones.
+    pub fn owned(&self) -> usize {
+        self.owned
+    }
+
+    /// The processes among which the points are divided.
+    pub fn processes(&self) -> &Processes {
+        &self.processes
+    }
+
+    /// The entries of owned points, in a vector by point with any number of components.
+    pub fn own<'a>(&self, values: &'a [f64]) -> &'a [f64] {
+        match self.points {
+            0 => values,
+            points => &values[..values.len() / points * self.owned],
+        }
+    }
+
+    /// `sum_i f(a_i, b_i, ...)` over the entries of `N` vectors by point, of equal length.
+    ///
+    /// # Panics
+    /// When the lengths differ.
+    pub fn sum_of<const N: usize>(
+        &self,
+        inputs: [&[f64]; N],
+        f: impl Fn([f64; N]) -> f64 + Sync,
+    ) -> f64 {
+        self.total(self.own_sum_of(inputs, f))
+    }
+
+    /// The part of [`Reducer::sum_of`] of the points that this process owns. Not collective.
+    ///
+    /// # Panics
+    /// See [`Reducer::sum_of`].
+    pub fn own_sum_of<const N: usize>(
+        &self,
+        inputs: [&[f64]; N],
+        f: impl Fn([f64; N]) -> f64 + Sync,
+    ) -> ExactSum {
+        exact_sum_of(inputs.map(|input| self.own(input)), f)
+    }
+
+    /// `sum_i f(i)` over the points, for several sums at once.
+    pub fn sum_points<const N: usize>(&self, f: impl Fn(usize) -> [f64; N] + Sync) -> [f64; N] {
+        exact_sums_of_points(self.owned, f).map(|sum| self.total(sum))
+    }
+
+    /// The total of what each process has summed.
+    pub fn total(&self, mut own: ExactSum) -> f64 {
+        own.add_up(&self.processes);
+        own.value()
+    }
+
+    /// The largest number of all processes, NaN if there is one.
+    pub fn max(&self, own: f64) -> f64 {
+        self.processes.max(own)
+    }
+
+    /// The least number of all processes, NaN if there is one.
+    pub fn min(&self, own: f64) -> f64 {
+        self.processes.min(own)
+    }
+}

@@ -1,0 +1,196 @@
+//! A run that several processes share has the bits of a run of one process. Here processes are threads of the test.
+
+use std::sync::Arc;
+
+use perimelt::case::Case;
+use perimelt_core::transport::{Memory, Processes};
+
+/// A moving arc on a plate with a hole that melts, with convection, radiation, a flux and a held temperature.
+const WELD: &str = r#"
+[bodies.plate]
+shape.difference = { from = { box = { min = [0, 0, 0], max = [0.024, 0.02, 0.0085] } }, subtract = { cylinder = { start = [0.017, 0.012, -1], end = [0.017, 0.012, 1], radius = 3e-3 } } }
+spacing = 5e-4
+material = "S355"
+initial.temperature = "293.15 + 2e3 * x"
+
+[[physics]]
+type = "thermal"
+horizon = HORIZON
+
+[[couplers]]
+type = "phase_change"
+
+[[couplers]]
+type = "goldak"
+name = "torch"
+power = 2500
+efficiency = 0.8
+half_width = 2e-3
+depth = 3e-3
+front_length = 2e-3
+rear_length = 4e-3
+toolpath.line = { start = [0.002, 0.008, 0.0085], end = [0.02, 0.008, 0.0085], speed = 0.01 }
+
+[[couplers]]
+type = "convection"
+coefficient = 25
+ambient = 293.15
+
+[[couplers]]
+type = "radiation"
+faces = ["z+"]
+ambient = 293.15
+
+[[couplers]]
+type = "symmetry"
+face = "y-"
+
+[[couplers]]
+type = "prescribed_temperature"
+face = "x-"
+value = 293.15
+
+[time]
+end = 0.6
+
+[log]
+interval = 0.2
+"#;
+
+/// What a run ends with: fields of the whole body, balances and reports, as bits, and a checkpoint.
+#[derive(Debug, PartialEq)]
+struct End {
+    fields: Vec<(String, Vec<u64>)>,
+    numbers: Vec<(String, u64)>,
+    steps: u64,
+    checkpoint: Vec<u8>,
+}
+
+/// Runs the case to a time (s), from a checkpoint where there is one, as one of some processes; `None` in all but the first.
+fn run(text: &str, until: f64, start: Option<&[u8]>, processes: Processes) -> Option<End> {
+    let case = Case::parse("case.toml", text.into(), ".".as_ref()).expect("valid");
+    let mut simulation = case.compose_shared(processes.clone()).expect("valid");
+    match start {
+        Some(checkpoint) => simulation
+            .load(checkpoint)
+            .expect("a checkpoint of the case"),
+        None => case.start(&mut simulation).expect("a state"),
+    }
+    while !simulation.is_finished() && simulation.time() < until {
+        simulation.step().expect("a step");
+    }
+    let mut fields = Vec::new();
+    for field in simulation.lasting() {
+        let data = field.data();
+        let bits = data.flat().iter().map(|value| value.to_bits());
+        fields.push((field.name.clone(), bits.collect()));
+    }
+    let mut numbers = Vec::new();
+    for (label, balances) in simulation.balances() {
+        for b in balances {
+            let parts = [b.stored, b.initial, b.supplied, b.size];
+            numbers.extend(parts.map(|part| (format!("{label} {}", b.quantity), part.to_bits())));
+        }
+    }
+    for (label, reports) in simulation.reports() {
+        let bits = reports
+            .iter()
+            .map(|r| (format!("{label} {}", r.name), r.value.to_bits()));
+        numbers.extend(bits);
+    }
+    let steps = simulation.progress().sub_steps[0];
+    let checkpoint = simulation.save().expect("a checkpoint");
+    (processes.rank() == 0).then_some(End {
+        fields,
+        numbers,
+        steps,
+        checkpoint,
+    })
+}
+
+/// [`run`] in some threads.
+fn run_in(count: usize, text: &str, until: f64, start: Option<&[u8]>) -> End {
+    if count == 1 {
+        return run(text, until, start, Processes::ALONE).expect("one process");
+    }
+    std::thread::scope(|scope| {
+        let start_process = |process: Memory| {
+            let processes = Processes::new(Arc::new(process));
+            scope.spawn(move || run(text, until, start, processes))
+        };
+        let threads: Vec<_> = Memory::processes(count)
+            .into_iter()
+            .map(start_process)
+            .collect();
+        let ends = threads
+            .into_iter()
+            .map(|thread| thread.join().expect("no panic"));
+        let ends: Vec<Option<End>> = ends.collect();
+        ends.into_iter()
+            .flatten()
+            .next()
+            .expect("the first process")
+    })
+}
+
+#[test]
+fn heat_has_the_same_bits_for_any_number_of_processes() {
+    for (horizon, counts) in [("1", [2, 3, 5, 7]), ("3", [2, 3, 4, 5])] {
+        let text = WELD.replace("HORIZON", horizon);
+        let alone = run_in(1, &text, 1.0, None);
+        assert!(alone.steps > 10 && !alone.numbers.is_empty() && alone.fields.len() >= 3);
+        for count in counts {
+            assert_eq!(run_in(count, &text, 1.0, None), alone, "{count} processes");
+        }
+    }
+}
+
+#[test]
+fn a_run_goes_on_with_another_number_of_processes() {
+    let text = WELD.replace("HORIZON", "1");
+    let whole = run_in(1, &text, 1.0, None);
+    for (before, after) in [(1, 3), (3, 1), (2, 5)] {
+        let half = run_in(before, &text, 0.3, None);
+        assert!(half.steps < whole.steps);
+        let end = run_in(after, &text, 1.0, Some(&half.checkpoint));
+        assert_eq!(end, whole, "{before}, then {after} processes");
+    }
+}
+
+/// Plugins and solvers that processes cannot share are refused by name.
+#[test]
+fn what_processes_cannot_share_is_refused() {
+    let refusal = |text: &str| {
+        let compose = |process: Memory| {
+            let case = Case::parse("case.toml", text.into(), ".".as_ref()).expect("valid");
+            let composed = case.compose_shared(Processes::new(Arc::new(process)));
+            composed.err().expect("refused").render(false)
+        };
+        std::thread::scope(|scope| {
+            let start = |process| scope.spawn(move || compose(process));
+            let threads: Vec<_> = Memory::processes(2).into_iter().map(start).collect();
+            let told = threads
+                .into_iter()
+                .map(|thread| thread.join().expect("no panic"));
+            let told: Vec<String> = told.collect();
+            assert_eq!(told[0], told[1], "a mistake of all");
+            told[0].clone()
+        })
+    };
+    let weld = WELD.replace("HORIZON", "1");
+    let changed = |right: &str, wrong: &str| {
+        assert!(weld.contains(right));
+        refusal(&weld.replace(right, wrong))
+    };
+    let all = [
+        refusal(&format!("{weld}\n[[physics]]\ntype = \"mechanical\"\n")),
+        changed("horizon = 1", "horizon = 1\nsolver = \"implicit\""),
+        changed("horizon = 1", "horizon = 1\nform = \"ordinary\""),
+        changed(
+            "spacing = 5e-4",
+            "spacing = 5e-4\njitter = { amplitude = 0.1, seed = 1 }",
+        ),
+        changed("spacing = 5e-4", "spacing = 1e-2"),
+    ];
+    insta::assert_snapshot!(all.join("\n\n"));
+}
