@@ -174,7 +174,7 @@ impl Common {
             out,
             force,
             until: self.until,
-            quiet: self.quiet || processes.rank() > 0,
+            quiet: self.quiet,
             stop: interrupt::signal(),
             processes,
         }
@@ -182,7 +182,7 @@ impl Common {
 
     /// Prints the result of the run and returns the exit status.
     fn tell(&self, summary: &Summary, options: &Options) -> Done {
-        if !options.quiet {
+        if options.tells() {
             self.print(summary)?;
         }
         match summary.end {

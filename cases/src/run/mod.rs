@@ -52,6 +52,18 @@ impl Options {
     fn writes(&self) -> bool {
         self.processes.rank() == 0
     }
+
+    /// Whether this process shows progress, warnings and results.
+    pub fn tells(&self) -> bool {
+        self.writes() && !self.quiet
+    }
+
+    /// Shows what all processes found together.
+    fn warn(&self, warnings: &[String]) {
+        if self.tells() {
+            warn(warnings);
+        }
+    }
 }
 
 /// The default log of a case: its name with `.mcap`, in the working directory.
@@ -192,17 +204,17 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
     let place = options.writes().then(claim).transpose()?;
     let mut simulation = case.compose_shared(options.processes.clone())?;
     case.start(&mut simulation)?;
+    if !options.quiet {
+        let mut warnings = case.warnings(&simulation)?;
+        warnings.extend(LogSize::new(case, &simulation)?.warning(&options.out));
+        options.warn(&warnings);
+    }
     let Some(place) = place else {
         let mut recorder = Recorder::new(case, &simulation, None, 0.0)?;
         recorder.record(&simulation)?;
         recorder.checkpoint(&simulation)?;
         return go_on(simulation, recorder, None, options);
     };
-    if !options.quiet {
-        let mut warnings = case.warnings(&simulation)?;
-        warnings.extend(LogSize::new(case, &simulation)?.warning(&options.out));
-        warn(&warnings);
-    }
     let mut part = place.begin()?;
     let info = record::run_info(case, &simulation);
     let target = part.destination();
@@ -262,17 +274,14 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
     }
     let mut simulation = case.compose_shared(options.processes.clone())?;
     simulation.load(&state)?;
+    if !options.quiet {
+        let warning = LogSize::new(case, &simulation)?.warning(&options.out);
+        options.warn(warning.as_slice());
+    }
     let Some(place) = place else {
         let recorder = Recorder::new(case, &simulation, None, 0.0)?;
         return go_on(simulation, recorder, None, options);
     };
-    if !options.quiet {
-        warn(
-            LogSize::new(case, &simulation)?
-                .warning(&options.out)
-                .as_slice(),
-        );
-    }
     let wall = log
         .progress()
         .iter()
@@ -354,7 +363,7 @@ fn go_on(
     interrupt::leave_to_run();
     let started = Instant::now();
     let until = options.until.unwrap_or(f64::INFINITY);
-    let mut display = Display::new(&simulation, until, options.quiet);
+    let mut display = Display::new(&simulation, until, !options.tells());
     let mut outcome = RunOutcome::new(&simulation);
     let end = loop {
         if simulation.is_finished() {

@@ -5,7 +5,7 @@ use perimelt_core::numbers::check_positive;
 use perimelt_core::text::position;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::activity::is_active;
-use perimelt_core::{Body, Read, Setup, SetupError, World};
+use perimelt_core::{Body, Change, Read, Setup, SetupError, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -51,7 +51,11 @@ impl WaitUntil {
     }
 
     /// Checks the condition and finds its points.
-    pub(super) fn gauge(&self, setup: &Setup<'_>, body: BodyIndex) -> Result<Gauge, SetupError> {
+    pub(super) fn gauge(
+        &self,
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+    ) -> Result<Gauge, SetupError> {
         let refuse =
             |message: String, expected: &str| Err(SetupError::value("toolpath", message, expected));
         let in_toolpath = |e: SetupError| SetupError {
@@ -67,6 +71,10 @@ impl WaitUntil {
             (Some(region), None) => Points::Region(setup.region(body, "toolpath", region)?.points),
             (None, Some(at)) => {
                 let at = Vector3::from(at);
+                let message = "several processes share no `wait_until.at`";
+                let expected = "`region`, the whole body, or one process";
+                let error = SetupError::value("toolpath", message, expected);
+                setup.refuse(body, Change::Division, error);
                 let body = setup.body(body);
                 let (min, max) = body.bounds();
                 let margin = body.finest_spacing();
@@ -138,12 +146,15 @@ impl Gauge {
         let values = world.read(temperature);
         let activity = world.activity(body);
         let is_there = |point: usize| activity.as_ref().is_none_or(|a| is_active(a[point]));
+        let reducer = world.reducer(body);
         let extreme = |points: &mut dyn Iterator<Item = usize>| {
-            let values = points.filter(|p| is_there(*p)).map(|p| values[p]);
-            match self.when {
-                Side::Below => values.reduce(f64::max),
-                Side::Above => values.reduce(f64::min),
-            }
+            let points = points.filter(|p| *p < reducer.owned() && is_there(*p));
+            let values = points.map(|p| values[p]);
+            let extreme = match self.when {
+                Side::Below => reducer.max(values.fold(f64::NEG_INFINITY, f64::max)),
+                Side::Above => reducer.min(values.fold(f64::INFINITY, f64::min)),
+            };
+            extreme.is_finite().then_some(extreme)
         };
         match &self.points {
             Points::All => extreme(&mut (0..values.len())),
@@ -185,7 +196,7 @@ mod tests {
         let mut setup = Setup::new(&mut world, std::path::Path::new("."));
         setup.next_plugin("the torch");
         let temperature = setup.read(0, &keys::TEMPERATURE).expect("a field");
-        let gauge = wait.gauge(&setup, 0).expect("a place on the body");
+        let gauge = wait.gauge(&mut setup, 0).expect("a place on the body");
         setup.next_plugin("the physics");
         setup.own(0, &keys::TEMPERATURE).expect("free");
         setup

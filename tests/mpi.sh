@@ -1,0 +1,35 @@
+#!/usr/bin/env bash
+# Runs a case as 2 and 4 processes of MPI and compares with the run of one process: logs must be equal in every bit. Then it kills a run of several
+# processes, and lets another number of processes finish it. Needs a program built with `--features mpi`:
+#
+#     cargo build --release -p perimelt --features mpi && tests/mpi.sh target/release/perimelt
+set -euo pipefail
+program="$(realpath "$1")"
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+case=cases/verification/wang-7.5.4.2-goldak-phase.toml
+folder="$(mktemp -d)"
+trap 'rm -rf "$folder"' EXIT
+
+# more processes than cores and root in a container are allowed here
+launch=(${PERIMELT_MPIEXEC:-mpiexec})
+if "${launch[0]}" --version 2>&1 | grep -qi 'open *mpi\|openrte'; then
+    launch+=(--oversubscribe --bind-to none)
+    [ "$(id -u)" != 0 ] || launch+=(--allow-run-as-root)
+fi
+
+end=(--until "${PERIMELT_MPI_UNTIL:-1e9}" --quiet)
+"$program" run "$case" --out "$folder/one.mcap" "${end[@]}"
+for count in 2 4; do
+    "${launch[@]}" -n "$count" "$program" run "$case" --out "$folder/$count.mcap" --threads 1 "${end[@]}"
+    "$program" diff "$folder/one.mcap" "$folder/$count.mcap"
+done
+
+echo "a run of 2 processes, of which one is killed"
+"${launch[@]}" -n 2 "$program" run "$case" --out "$folder/killed.mcap" --threads 1 "${end[@]}" 2>"$folder/told" &
+while [ ! -e "$folder/killed.mcap" ]; do sleep 0.2; done
+sleep 1
+pkill -KILL -n -f "run $case --out $folder/killed.mcap" || true
+wait || true
+"${launch[@]}" -n 3 "$program" resume "$folder/killed.mcap" --threads 1 "${end[@]}"
+"$program" diff "$folder/one.mcap" "$folder/killed.mcap"
+echo "processes of MPI: the same bits"
