@@ -1,9 +1,11 @@
 //! Heat that a fluid that keeps its volume carries: its fields.
 
-use perimelt_core::world::{BodyIndex, FaceTension, TwoFluids};
+use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::world::{BodyIndex, FaceTension, HeatedInterface, TwoFluids};
 use perimelt_core::{Access, Read, Setup, SetupError, TensionLaw, World, Write, keys};
 
 use super::eulerian::projection::heat::HeatedFluid;
+use super::eulerian::projection::interface_temperature::LayeredConductivity;
 use super::eulerian::projection::thermocapillary::SurfaceLaws;
 use super::run::FluidRun;
 use crate::dependent_keys::need;
@@ -68,15 +70,40 @@ impl HeatedFluid {
             ))
         };
         let faces: Result<_, SetupError> = faces.into_iter().map(law).collect();
-        let surfaces = SurfaceLaws {
-            interface: tension,
-            faces: faces?,
+        let faces = faces?;
+        let curves = setup.world().enthalpy_curves(body)?;
+        let conductivity = match tension {
+            Some(_) => layered_conductivity(setup, body, &curves)?,
+            None => None,
         };
         Ok(Some(HeatedFluid {
-            curves: setup.world().enthalpy_curves(body)?,
-            surfaces,
+            curves,
+            surfaces: SurfaceLaws {
+                interface: tension,
+                conductivity,
+                faces,
+            },
         }))
     }
+}
+
+/// Conductivities of two fluids between which heat flows across the interface; none where the layer between them is heated from inside.
+fn layered_conductivity(
+    setup: &Setup<'_>,
+    body: BodyIndex,
+    curves: &[EnthalpyCurve],
+) -> Result<Option<LayeredConductivity>, SetupError> {
+    let is_heated_inside = setup.facts::<HeatedInterface>(body).next().is_some();
+    let fluids = setup.facts::<TwoFluids>(body).next();
+    let materials = fluids.and_then(|fluids| fluids.indices(setup.body(body)));
+    let Some(materials) = materials.filter(|_| !is_heated_inside) else {
+        return Ok(None);
+    };
+    let of_materials = setup.world().property(body, "conductivity")?;
+    Ok(Some(LayeredConductivity {
+        conductivity: materials.map(|m| of_materials[m as usize].clone()),
+        first: curves[materials[0] as usize].clone(),
+    }))
 }
 
 impl FluidRun {

@@ -283,9 +283,9 @@ impl Projection {
         self.find_carried::<D, C, O>(terms, layer, &middle);
         self.middle = middle;
         self.find_frozen();
-        self.set_tension();
         self.find_interface(density);
-        self.find_surface_force::<D>(density);
+        self.set_tension();
+        self.find_surface_force(density);
         self.predict(terms, density);
         let mut excess = std::mem::take(&mut self.excess);
         let kernel = self.volume::<D>(terms.dt);
