@@ -203,7 +203,11 @@ const MOST_POINTS: usize = 60_000;
 fn begin(path: &Path, processes: Processes) -> Option<Vec<u8>> {
     let case = Case::read(path).expect("a case");
     let mut simulation = case.compose_shared(processes).ok()?;
-    let points = simulation.observed().bodies().iter().map(|body| body.points.len());
+    let points = simulation
+        .observed()
+        .bodies()
+        .iter()
+        .map(|body| body.points.len());
     if simulation.world().processes().size() == 1 && points.sum::<usize>() > MOST_POINTS {
         return None;
     }
@@ -223,7 +227,8 @@ fn standing_cases_have_the_same_bits() {
     let mut shared = Vec::new();
     for path in perimelt_tests::files_with("toml", &folder) {
         let text = std::fs::read_to_string(&path).expect("a file");
-        let has_heat_only = text.contains("type = \"thermal\"") && text.matches("[[physics]]").count() == 1;
+        let has_heat_only =
+            text.contains("type = \"thermal\"") && text.matches("[[physics]]").count() == 1;
         if !has_heat_only || path.ends_with("Cargo.toml") {
             continue;
         }
@@ -236,7 +241,10 @@ fn standing_cases_have_the_same_bits() {
                 scope.spawn(move || begin(path, Processes::new(Arc::new(process))))
             };
             let threads: Vec<_> = Memory::processes(3).into_iter().map(start).collect();
-            threads.into_iter().map(|thread| thread.join().expect("no panic")).collect()
+            threads
+                .into_iter()
+                .map(|thread| thread.join().expect("no panic"))
+                .collect()
         });
         if let Some(first) = &ends[0] {
             assert!(*first == alone, "{}", path.display());
