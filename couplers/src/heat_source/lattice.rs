@@ -121,7 +121,7 @@ impl HeatedBody for LatticeBody<'_> {
                 step,
             } => {
                 let limit = limits[usize::from(self.body.material_of_point[point])];
-                (limit - enthalpy[point]) / step
+                f64::max(limit - enthalpy[point], 0.0) / step
             }
             _ => f64::INFINITY,
         }

@@ -13,9 +13,10 @@
 //! q_k = min((h_b - h_k)/dt, P_k/V),   P_{k+1} = P_k - V q_k           h_b enthalpy at the boiling temperature
 //! ```
 //!
-//! A cell that conduction has heated above boiling passes the excess on, too. A cavity deepens until conduction from its wall takes the power, as in the models of
-//! a keyhole whose wall boils (\[Swifthook1973\], \[Lankalapalli1996\]). What a cell has lost or gained by conduction during a step is made up for in the
-//! next one: wall temperatures differ from boiling by that much. Not modelled: the depth at which capillary pressure closes the cavity, the heat that the vapour carries away, and
+//! A cavity deepens until conduction from its wall takes the power, as in the models of
+//! a keyhole whose wall boils (\[Swifthook1973\], \[Lankalapalli1996\]). What conduction takes from a cell during a step is replaced in the
+//! next one, and what it gives makes the cell as much hotter: wall temperatures differ from boiling by that much. (Taking the excess away as well would be unstable: it
+//! doubles the operator of conduction in boiling cells.) Not modelled: the depth at which capillary pressure closes the cavity, the heat that the vapour carries away, and
 //! the flow around the cavity; metal in the cavity stays, at the boiling temperature.
 
 use std::ops::Range;

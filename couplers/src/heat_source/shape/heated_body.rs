@@ -60,7 +60,7 @@ pub trait HeatedBody {
         None
     }
 
-    /// Power density (W/m³) with which a point boils at the end of the step, below zero where it is hotter; infinite where it never boils.
+    /// Power density (W/m³) with which a point boils at the end of the step, zero where it boils; infinite where it never boils.
     fn boiling_power(&self, _point: usize) -> f64 {
         f64::INFINITY
     }
