@@ -144,7 +144,7 @@ impl Surroundings {
     fn spans(&self, axis: usize) -> bool {
         let stride: usize = self.cells[..axis].iter().product();
         let count = self.cells[axis];
-        let first = (0..self.is_near.len()).filter(|cell| cell / stride % count == 0);
+        let first = (0..self.is_near.len()).filter(|cell| (cell / stride).is_multiple_of(count));
         let mut rows = first.map(|cell| (0..count).map(move |n| self.is_near[cell + n * stride]));
         rows.all(|mut row| {
             let value = row.next().unwrap_or(true);

@@ -300,12 +300,12 @@ impl RunningThermal {
         let constraint = self.fields.constraint.map(|c| world.read(c));
         let fraction = self.fraction(world);
         let growth = self.growth.as_ref();
+        let heat_state = self.heat_state();
         let source = masked(growth, source.as_deref());
         let constraint = masked(growth, constraint.as_deref());
         let family = world.family(self.family);
         let ratios = self.volume_ratios(world);
         let configuration = ratios.as_ref().map(|_| world.configuration(self.body));
-        let heat_state = self.heat_state();
         let matter = Matter {
             family: &family,
             rules: &rules,
@@ -329,9 +329,8 @@ impl RunningThermal {
         } = &mut self.integrator;
         // heat sources act on the points of a coarse body that the window does not cover
         let uncovered = self.refined.as_ref().and_then(Refined::uncovered);
-        let reducer = &world.reducer(self.body);
         let flow = HeatFlow {
-            reducer,
+            reducer: world.reducer(self.body),
             conduction: &mut self.conduction,
             matter,
             volume: uncovered.as_deref().unwrap_or(&body.points.volume),

@@ -87,6 +87,16 @@ pub(super) struct ConductionDomain {
     pub(super) heated: Vec<Face>,
 }
 
+impl ConductionDomain {
+    /// The faces with a prescribed temperature whose heat can be measured, if any can.
+    fn measured_faces(&self, setup: &Setup<'_>, is_measurable: bool) -> Vec<HeatedFace> {
+        let (body, reducer) = (setup.body(self.body), setup.world().reducer(self.body));
+        let faces = self.heated.iter().filter(|_| is_measurable);
+        let faces = faces.map(|face| HeatedFace::of(body, *face, &reducer));
+        faces.filter(|face| face.is_measurable(&reducer)).collect()
+    }
+}
+
 impl RunningThermal {
     pub(super) fn prepare(
         thermal: &Thermal,
@@ -143,9 +153,7 @@ impl RunningThermal {
             fields.constraint.is_some() || surface.as_ref().is_some_and(Surface::has_conductance);
         let moves = description == Description::UpdatedLagrangian;
         let is_measurable = !moves && !conduction.has_directions();
-        let faces = domain.heated.iter().filter(|_| is_measurable);
-        let reducer = setup.world().reducer(body);
-        let faces = faces.map(|face| HeatedFace::of(setup.body(body), *face, &reducer));
+        let faces = domain.measured_faces(setup, is_measurable);
         Ok(RunningThermal {
             solver: thermal.solver,
             is_automatic: thermal.step == StepSize::Auto,
@@ -167,7 +175,7 @@ impl RunningThermal {
             austenite,
             integrator: Integrator::new(keys.solver),
             heat: HeatAccount::default(),
-            faces: faces.filter(|face| face.is_measurable(&reducer)).collect(),
+            faces,
             through_layers: 0.0,
             surface,
             stable_step: None,

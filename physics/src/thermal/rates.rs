@@ -47,7 +47,7 @@ struct Linearisation {
 
 /// The heat flow of a body during a step.
 pub(super) struct HeatFlow<'a> {
-    pub(super) reducer: &'a Reducer,
+    pub(super) reducer: Reducer,
     pub(super) conduction: &'a mut Conduction,
     pub(super) matter: Matter<'a>,
     /// Reference volumes, to which enthalpies and sources refer, m³.

@@ -406,10 +406,10 @@ pub(super) mod tests {
         };
         rates.family.sum(&gradient, [&rates.slots.step], &mut steps);
         let (mut across, mut along) = ([0.0; 2], [0.0; 2]);
-        for point in 0..fraction.len() {
+        for (point, step) in steps.iter().enumerate() {
             let tension = rates.slots.tension[rates.slot[point] as usize];
             for a in 0..2 {
-                across[a] += spacing * spacing * tension * steps[point][a];
+                across[a] += spacing * spacing * tension * step[a];
                 along[a] += spacing * spacing * surface.force(point, 2)[a];
             }
         }
