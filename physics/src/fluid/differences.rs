@@ -28,7 +28,6 @@ use super::eulerian::CarriedFlow;
 use super::kinds::DifferencesKeys;
 use super::medium::Medium;
 use super::rates::{POINTS_PER_TASK, Stability, Terms};
-use super::surface_waves;
 use super::viscosity::{Viscosity, squared_shear_rate};
 
 /// A field in slot space, and some of its derivatives.
@@ -125,8 +124,6 @@ fn row(rows: &[f64], width: usize, point: usize) -> &[f64] {
 pub(super) struct Differences {
     pub(super) pddo: Pddo,
     pub(super) work: Derivatives,
-    /// At the reference positions.
-    stability: Stability,
     /// Whether the viscous stress has the term of the divergence.
     is_compressible: bool,
     /// Rows of each component: the first derivatives, then the Laplacian.
@@ -150,23 +147,13 @@ impl Differences {
     ) -> Result<Self, SetupError> {
         let pddo = Pddo::build(body, family, 2);
         let pddo = pddo.map_err(|e| SetupError::other("horizon", e))?;
-        let mut work = Derivatives::default();
-        let mut wave_number = pddo.largest_wave_number(0);
-        if surface_waves::is_free(body, pddo.family()) {
-            let at_surface = surface_waves::largest_wave_number(&pddo, body, &mut work);
-            wave_number = wave_number.max(at_surface);
-        }
         Ok(Differences {
-            stability: Stability {
-                wave_number,
-                laplacian: pddo.laplacian_sum(0),
-            },
             is_compressible: keys.is_compressible,
             velocity: vec![Vec::new(); pddo.dimension()],
             friction: vec![Vec::new(); pddo.dimension()],
             slope_of_divergence: Vec::new(),
             diffusion: DensityDiffusion::default(),
-            work,
+            work: Derivatives::default(),
             pressure: Differentiated::default(),
             is_per_mass: false,
             viscosity: Differentiated::default(),
@@ -200,7 +187,11 @@ impl Differences {
     }
 
     pub(super) fn stability(&self) -> Stability {
-        self.stability
+        // all families are complete
+        Stability {
+            wave_number: self.pddo.largest_wave_number(0),
+            laplacian: self.pddo.laplacian_sum(0),
+        }
     }
 
     pub(super) fn set_viscosity(&mut self, medium: &Medium) {

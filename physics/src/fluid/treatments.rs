@@ -15,7 +15,7 @@ use super::walls::Walls;
 
 /// Fraction of a complete family below which a point counts as a surface point: the first row below a flat surface
 /// has 0.69, the second row 0.93.
-pub(super) const AT_SURFACE: f64 = 0.8;
+const AT_SURFACE: f64 = 0.8;
 
 /// Fraction below which a point is not smoothed: too few neighbours determine a linear field, as in a thread or a
 /// splash.
