@@ -1,6 +1,5 @@
 //! A run that several processes share has the bits of a run of one process. Here processes are threads of the test.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use perimelt::case::Case;
@@ -194,62 +193,4 @@ fn what_processes_cannot_share_is_refused() {
         changed("spacing = 5e-4", "spacing = 1e-2"),
     ];
     insta::assert_snapshot!(all.join("\n\n"));
-}
-
-/// Largest number of points of a case that the test below runs.
-const MOST_POINTS: usize = 60_000;
-
-/// The first steps of a case as one of some processes: its checkpoint, or that it is refused.
-fn begin(path: &Path, processes: Processes) -> Option<Vec<u8>> {
-    let case = Case::read(path).expect("a case");
-    let mut simulation = case.compose_shared(processes).ok()?;
-    let points = simulation
-        .observed()
-        .bodies()
-        .iter()
-        .map(|body| body.points.len());
-    if simulation.world().processes().size() == 1 && points.sum::<usize>() > MOST_POINTS {
-        return None;
-    }
-    case.start(&mut simulation).expect("a state");
-    for _ in 0..12 {
-        if !simulation.is_finished() {
-            simulation.step().expect("a step");
-        }
-    }
-    Some(simulation.save().expect("a checkpoint"))
-}
-
-/// Every case of the program that processes can share.
-#[test]
-fn standing_cases_have_the_same_bits() {
-    let folder = perimelt_tests::root().join("cases");
-    let mut shared = Vec::new();
-    for path in perimelt_tests::files_with("toml", &folder) {
-        let text = std::fs::read_to_string(&path).expect("a file");
-        let has_heat_only =
-            text.contains("type = \"thermal\"") && text.matches("[[physics]]").count() == 1;
-        if !has_heat_only || path.ends_with("Cargo.toml") {
-            continue;
-        }
-        let Some(alone) = begin(&path, Processes::ALONE) else {
-            continue;
-        };
-        let ends: Vec<_> = std::thread::scope(|scope| {
-            let path = &path;
-            let start = |process: Memory| {
-                scope.spawn(move || begin(path, Processes::new(Arc::new(process))))
-            };
-            let threads: Vec<_> = Memory::processes(3).into_iter().map(start).collect();
-            threads
-                .into_iter()
-                .map(|thread| thread.join().expect("no panic"))
-                .collect()
-        });
-        if let Some(first) = &ends[0] {
-            assert!(*first == alone, "{}", path.display());
-            shared.push(path);
-        }
-    }
-    assert!(shared.len() >= 25, "{} cases: {shared:?}", shared.len());
 }
