@@ -1,6 +1,6 @@
 //! Sums over vectors and points that give the same bits for any number of threads, and however the points are divided.
 //!
-//! [`GROUP`] consecutive entries (64) add up in a fixed order, and the sums of the groups add up exactly ([`ExactSum`](super::ExactSum)): the result does not depend on
+//! [`GROUP`] consecutive entries (64) add up in a fixed order, and the sums of the groups add up exactly ([`ExactSum`]): the result does not depend on
 //! which groups are added where and when. Vectors with several components of each point have as many groups of entries for a group of points.
 //! Within a group eight running sums (entry `i` goes to sum `i mod 8`) let the compiler use vector registers. Rounding is that of a group:
 //! relative to the sum of magnitudes 11 eps at most.
