@@ -1,13 +1,8 @@
 //! The processes that share a run, which a launcher such as `mpiexec` starts.
 
-#[cfg(feature = "mpi")]
-use std::time::Duration;
-
 use perimelt_core::transport::Processes;
 
 use super::Done;
-#[cfg(feature = "mpi")]
-use super::run::Interrupted;
 
 /// Variables by which launchers tell a process how many there are.
 const SIZES: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS"];
@@ -48,8 +43,10 @@ pub(super) fn shared(run: impl FnOnce(Processes) -> Done) -> Done {
 /// Runs as one of the processes that a launcher has started. The mistake of one ends all.
 #[cfg(feature = "mpi")]
 pub(super) fn shared(run: impl FnOnce(Processes) -> Done) -> Done {
+    use super::run::Interrupted;
     use perimelt_core::transport::Mpi;
     use std::sync::Arc;
+    use std::time::Duration;
 
     /// Time after which another process than the first one tells its mistake: most mistakes are those of all.
     const PATIENCE: Duration = Duration::from_secs(5);

@@ -9,8 +9,8 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 use perimelt_core::body::Ply;
 use perimelt_core::field::{FieldIndex, keys};
 use perimelt_core::log::{
-    BodyInfo, CloudView, Column, Entry, FieldInfo, FieldView, LatticeInfo, PlyInfo, Precision,
-    Progress, RunInfo, Series, Writer,
+    BodyInfo, CloudView, Column, Entry, FieldInfo, FieldView, LatticeInfo, LogError, PlyInfo,
+    Precision, Progress, RunInfo, Series, Writer,
 };
 use perimelt_core::simulation::Progress as Counters;
 use perimelt_core::world::activity::is_active;
@@ -90,18 +90,14 @@ impl Recorder {
             let row: Vec<_> = columns
                 .map(|((name, unit), value)| Entry::new(name, unit, value))
                 .collect();
-            if let Some(writer) = &mut self.writer {
-                writer.probe(&probe.name, time, &row)?;
-            }
+            write(&mut self.writer, |writer| {
+                writer.probe(&probe.name, time, &row)
+            })?;
         }
         self.record_reports(time, reports)?;
         self.record_balance(time, balances)?;
         self.record_progress(simulation)?;
-        self.flush()
-    }
-
-    fn flush(&mut self) -> Result<(), Failure> {
-        Ok(self.writer.as_mut().map_or(Ok(()), Writer::flush)?)
+        write(&mut self.writer, Writer::flush)
     }
 
     /// Keeps the columns of a log that already has balances.
@@ -165,10 +161,9 @@ impl Recorder {
             positions: &positions,
             fields: &fields,
         };
-        match &mut self.writer {
-            Some(writer) => Ok(writer.points(&points.name, self.precision, &cloud)?),
-            None => Ok(()),
-        }
+        write(&mut self.writer, |writer| {
+            writer.points(&points.name, self.precision, &cloud)
+        })
     }
 
     fn record_reports(
@@ -183,12 +178,12 @@ impl Recorder {
                 ..report
             }));
         }
-        match &mut self.writer {
-            Some(writer) if !columns.is_empty() => {
-                Ok(writer.probe(REPORTS, time, &row(&columns))?)
-            }
-            _ => Ok(()),
+        if columns.is_empty() {
+            return Ok(());
         }
+        write(&mut self.writer, |writer| {
+            writer.probe(REPORTS, time, &row(&columns))
+        })
     }
 
     fn record_balance(
@@ -217,10 +212,12 @@ impl Recorder {
                 }
             }
         }
-        match &mut self.writer {
-            Some(writer) if !columns.is_empty() => Ok(writer.balance(time, &row(&columns))?),
-            _ => Ok(()),
+        if columns.is_empty() {
+            return Ok(());
         }
+        write(&mut self.writer, |writer| {
+            writer.balance(time, &row(&columns))
+        })
     }
 
     fn record_progress(&mut self, simulation: &Simulation) -> Result<(), Failure> {
@@ -243,10 +240,7 @@ impl Recorder {
             wall_seconds: self.wall_before + self.started.elapsed().as_secs_f64(),
         };
         self.counted = now.clone();
-        match &mut self.writer {
-            Some(writer) => Ok(writer.progress(&progress)?),
-            None => Ok(()),
-        }
+        write(&mut self.writer, |writer| writer.progress(&progress))
     }
 
     /// Whether a checkpoint is due.
@@ -262,7 +256,7 @@ impl Recorder {
             Some(writer) => writer.checkpoint(simulation.time(), step, save)?,
             None => save(&mut std::io::sink())?,
         }
-        self.flush()?;
+        write(&mut self.writer, Writer::flush)?;
         self.plan_checkpoint(simulation.time());
         Ok(())
     }
@@ -284,6 +278,14 @@ impl Recorder {
     pub fn finish(self) -> Result<(), Failure> {
         Ok(self.writer.map_or(Ok(()), Writer::finish)?)
     }
+}
+
+/// Writes in the process that has the log.
+fn write(
+    writer: &mut Option<Writer>,
+    what: impl FnOnce(&mut Writer) -> Result<(), LogError>,
+) -> Result<(), Failure> {
+    Ok(writer.as_mut().map_or(Ok(()), what)?)
 }
 
 fn row(columns: &[Report]) -> Vec<Entry<'_>> {

@@ -65,9 +65,9 @@ impl Part {
         }
     }
 
-    /// The points, owned ones first.
-    pub(crate) fn into_body(self) -> Body {
-        self.body
+    /// The points, owned ones first, and their numbers in the whole body.
+    pub(crate) fn into_points(self) -> (Body, Vec<u32>) {
+        (self.body, self.numbers)
     }
 
     /// Number of owned points.

@@ -205,10 +205,14 @@ impl Simulation {
                     f.name
                 )));
             }
-            let number = |bytes: &[u8]| f64::from_le_bytes(bytes.try_into().expect("eight bytes"));
-            let whole = f.values.chunks_exact(8).map(number).collect();
-            let values = self.world.of_whole(f.body, whole);
-            data.flat_mut().copy_from_slice(&values);
+            let (whole, _) = f.values.as_chunks::<8>();
+            let components = data.components();
+            let points = data.flat_mut().chunks_exact_mut(components).enumerate();
+            for (point, values) in points {
+                let first = components * self.world.number_in_whole(f.body, point);
+                let of_point = values.iter_mut().zip(&whole[first..]);
+                of_point.for_each(|(value, bytes)| *value = f64::from_le_bytes(*bytes));
+            }
         }
         let positions = saved.rows_found_at.iter().flatten().flatten();
         if !positions.copied().all(f64::is_finite) || !self.world.find_rows_at(saved.rows_found_at)
@@ -229,8 +233,7 @@ impl Simulation {
             self.world.set_times(owned, time);
         }
         self.find_steps();
-        let lasting: Vec<_> = self.lasting_indices().collect();
-        self.world.assemble(&lasting);
+        self.assemble();
         // what a run checks after every pass
         let step = Step::new(self.clock.time, 0.0);
         (0..self.physics.len()).try_for_each(|p| self.check_state(p, step))

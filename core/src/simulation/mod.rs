@@ -301,9 +301,14 @@ impl Simulation {
         let time = self.clock.time;
         let mut physics = self.physics.iter_mut();
         physics.try_for_each(|p| p.plugin.observe(&self.world, time))?;
+        self.assemble();
+        Ok(())
+    }
+
+    /// Brings [`Simulation::observed`] up to date.
+    fn assemble(&mut self) {
         let lasting: Vec<_> = self.lasting_indices().collect();
         self.world.assemble(&lasting);
-        Ok(())
     }
 
     /// The world as it is to be looked at: with whole bodies, also where several processes share them. It has then the last logged state, in the first process.
@@ -379,7 +384,7 @@ impl Simulation {
             .map(|i| self.observed().fields.field(i))
     }
 
-    pub(super) fn lasting_indices(&self) -> impl Iterator<Item = usize> {
+    fn lasting_indices(&self) -> impl Iterator<Item = usize> {
         let is_sink = |i: &usize| self.plan.sinks.iter().any(|s| s.contains(i));
         let fields = 0..self.world.fields.iter().count();
         fields.filter(move |i| self.world.provided[*i] && !is_sink(i))

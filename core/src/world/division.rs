@@ -98,15 +98,10 @@ impl World {
         self.whole = whole;
     }
 
-    /// The values of the points of this process among those of a whole body.
-    pub(crate) fn of_whole(&self, body: BodyIndex, values: Vec<f64>) -> Vec<f64> {
-        let Some(division) = &self.divisions[body] else {
-            return values;
-        };
-        let components = values.len() / division.points.max(1);
-        let places = division.numbers.iter().map(|n| *n as usize * components);
-        let here = places.flat_map(|first| &values[first..first + components]);
-        here.copied().collect()
+    /// Number of a point in the whole body.
+    pub(crate) fn number_in_whole(&self, body: BodyIndex, point: usize) -> usize {
+        let division = self.divisions[body].as_ref();
+        division.map_or(point, |d| d.numbers[point] as usize)
     }
 
     /// Keeps the part of a body that this process owns, with the points around it that families of `horizon` need.
@@ -135,16 +130,16 @@ impl World {
         let rank = self.processes.rank() as u32;
         let points = 0..owner.len() as u32;
         let owned: Vec<u32> = points.filter(|p| owner[*p as usize] == rank).collect();
-        let part = Part::new(whole, &owned, horizon);
-        let others = &part.numbers()[part.owned()..];
+        let (part, numbers) = Part::new(whole, &owned, horizon).into_points();
+        let others = &numbers[owned.len()..];
         self.divisions[body] = Some(Division {
-            owned: part.owned(),
+            owned: owned.len(),
             points: owner.len(),
             owners: others.iter().map(|p| owner[*p as usize]).collect(),
-            numbers: part.numbers().to_vec(),
+            numbers,
             exchange: RefCell::default(),
         });
-        self.bodies[body] = part.into_body();
+        self.bodies[body] = part;
         Ok(())
     }
 

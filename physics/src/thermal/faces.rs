@@ -11,8 +11,7 @@ pub(super) struct HeatedFace {
     pub(super) face: Face,
     /// Point at the face, the next one behind it, and area of the cell face, m².
     cells: Vec<(u32, u32, f64)>,
-    /// Heat that enters through the cells of this process, and through all, W.
-    own_inflow: ExactSum,
+    /// Heat that enters, W.
     inflow: f64,
     /// Smallest and largest heat flux into the body, W/m².
     flux: [f64; 2],
@@ -30,7 +29,6 @@ impl HeatedFace {
         HeatedFace {
             face,
             cells: body.surface(&[face]).into_iter().filter_map(cell).collect(),
-            own_inflow: ExactSum::default(),
             inflow: 0.0,
             flux: [0.0; 2],
         }
@@ -42,7 +40,8 @@ impl HeatedFace {
     }
 
     /// Finds the heat that enters by the slope of a parabola through the wall and the two points before it, from the
-    /// temperatures (K) and the `conductivity` of points (W/(m K)). `has_material` tells which points exist.
+    /// temperatures (K) and the `conductivity` of points (W/(m K)). `has_material` tells which points exist. Returns the heat (W) that enters through
+    /// the cells of this process, for [`HeatedFace::add_up`].
     pub(super) fn measure(
         &mut self,
         rule: &LayerRule,
@@ -50,14 +49,14 @@ impl HeatedFace {
         has_material: impl Fn(usize) -> bool,
         conductivity: impl Fn(usize) -> f64,
         spacing: &[f64],
-    ) {
+    ) -> ExactSum {
         let (scale, offset) = (rule.scale[0], rule.offset[0]);
         // an even layer insulates
         let wall = offset / (1.0 - scale);
-        self.own_inflow = ExactSum::default();
+        let mut inflow = ExactSum::default();
         if scale == 1.0 {
             self.flux = [0.0; 2];
-            return;
+            return inflow;
         }
         self.flux = [f64::INFINITY, f64::NEG_INFINITY];
         for &(first, next, area) in &self.cells {
@@ -68,14 +67,15 @@ impl HeatedFace {
             let slope = (3.0 * temperature[first] - (temperature[next] + 8.0 * wall) / 3.0)
                 / spacing[first];
             let flux = -conductivity(first) * slope;
-            self.own_inflow.add(flux * area);
+            inflow.add(flux * area);
             self.flux = [self.flux[0].min(flux), self.flux[1].max(flux)];
         }
+        inflow
     }
 
     /// Completes what was measured by that of the other processes.
-    pub(super) fn add_up(&mut self, reducer: &Reducer) {
-        self.inflow = reducer.total(self.own_inflow.clone());
+    pub(super) fn add_up(&mut self, own_inflow: ExactSum, reducer: &Reducer) {
+        self.inflow = reducer.total(own_inflow);
         let [least, most] = self.flux;
         self.flux = [reducer.min(least), reducer.max(most)];
     }

@@ -417,8 +417,8 @@ impl RunningThermal {
                 let spacing = &body.points.spacing;
                 let axis = face.face.axis();
                 let conductivity = |point: usize| points.conductivity_along(point, axis);
-                face.measure(rule, &temperature, has_material, conductivity, spacing);
-                face.add_up(&reducer);
+                let inflow = face.measure(rule, &temperature, has_material, conductivity, spacing);
+                face.add_up(inflow, &reducer);
             }
         }
     }

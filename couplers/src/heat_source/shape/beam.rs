@@ -70,7 +70,7 @@ pub(super) struct Span {
 }
 
 impl Span {
-    pub(super) fn new(grid: &CellGrid, axis: usize, position: f64, reach: f64) -> Self {
+    fn new(grid: &CellGrid, axis: usize, position: f64, reach: f64) -> Self {
         if grid.is_thickness(axis) {
             let width = 2.0 * reach;
             return Self {
@@ -171,17 +171,10 @@ impl Beam {
         let grid = *body.grid();
         let depth_axis = self.sampled.heated_surface.face.axis();
         let asked = self.asked(&grid, power);
-        let PlacedFootprint {
-            axes,
-            travel,
-            reach,
-        } = self.footprint.placed(depth_axis, pose);
-        let spans = [0, 1].map(|i| Span::new(&grid, axes[i], pose.position[axes[i]], reach[i]));
-        let level = self
-            .sampled
-            .heated_surface
-            .level
-            .unwrap_or(pose.position[depth_axis]);
+        let placed = self.footprint.placed(depth_axis, pose);
+        let spans = placed.spans(&grid, pose);
+        let PlacedFootprint { axes, travel, .. } = placed;
+        let level = self.sampled.heated_surface.level_at(pose);
         let first_layer = self.fill_depth(&grid, level, self.sampled.sampling, &mut scratch.depth);
         self.footprint
             .fill_parts(&spans, travel, self.sampled.sampling, scratch);
@@ -238,11 +231,7 @@ impl Beam {
             travel,
             reach,
         } = self.footprint.placed(depth_axis, pose);
-        let level = self
-            .sampled
-            .heated_surface
-            .level
-            .unwrap_or(pose.position[depth_axis]);
+        let level = self.sampled.heated_surface.level_at(pose);
         let depth = self.depth.reach();
         let (shallow, deep) = match self.sampled.heated_surface.face.is_upper() {
             true => (level - depth, level),
@@ -336,6 +325,16 @@ pub(super) struct PlacedFootprint {
     pub(super) travel: [f64; 2],
     /// Half lengths of the box around the footprint, m.
     pub(super) reach: [f64; 2],
+}
+
+impl PlacedFootprint {
+    /// The cells of a lattice that it reaches at a pose, along both lateral axes.
+    pub(super) fn spans(&self, grid: &CellGrid, pose: &Pose) -> [Span; 2] {
+        [0, 1].map(|i| {
+            let axis = self.axes[i];
+            Span::new(grid, axis, pose.position[axis], self.reach[i])
+        })
+    }
 }
 
 impl Footprint {

@@ -207,16 +207,12 @@ impl ColumnBeam {
     ) -> Deposit {
         let grid = *body.grid();
         let face = self.sampled.heated_surface.face;
-        let PlacedFootprint {
-            axes,
-            travel,
-            reach,
-        } = self.footprint.placed(face.axis(), pose);
-        let spans = [0, 1].map(|i| Span::new(&grid, axes[i], pose.position[axes[i]], reach[i]));
+        let placed = self.footprint.placed(face.axis(), pose);
+        let spans = placed.spans(&grid, pose);
+        let PlacedFootprint { axes, travel, .. } = placed;
         let sampling = self.sampled.sampling;
         self.footprint.fill_parts(&spans, travel, sampling, scratch);
-        let level = self.sampled.heated_surface.level;
-        let level = grid.in_cells(face.axis(), level.unwrap_or(pose.position[face.axis()]));
+        let level = grid.in_cells(face.axis(), self.sampled.heated_surface.level_at(pose));
         let columns = Columns {
             body,
             absorber: self.absorber,

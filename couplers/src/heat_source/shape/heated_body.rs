@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::no_direction;
+use crate::toolpath::Pose;
 
 /// A lattice of box-shaped cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -94,6 +95,11 @@ pub struct HeatedSurface {
 }
 
 impl HeatedSurface {
+    /// Coordinate of the face along the depth axis for a source at a pose, m.
+    pub(super) fn level_at(&self, pose: &Pose) -> f64 {
+        self.level.unwrap_or(pose.position[self.face.axis()])
+    }
+
     /// Unit vector along the axis of the torch, where it is given.
     pub(super) fn axis(&self, body: &CellGrid) -> Result<Option<Vector3<f64>>, SetupError> {
         let Some(direction) = self.direction else {

@@ -3,10 +3,11 @@ use super::super::{PowerDensity, SourceShape, SuperGaussian};
 use super::*;
 use nalgebra::Vector3;
 
-/// A lattice with metal below a surface that rises along x.
+/// A lattice whose points have a fraction of metal, and a power with which each boils (W/m³).
 struct Metal {
     lattice: TestLattice,
     fraction: Vec<f64>,
+    boiling: Vec<f64>,
 }
 
 impl HeatedBody for Metal {
@@ -24,6 +25,10 @@ impl HeatedBody for Metal {
 
     fn first_fluid(&self, point: usize) -> Option<f64> {
         Some(self.fraction[point])
+    }
+
+    fn boiling_power(&self, point: usize) -> f64 {
+        self.boiling[point]
     }
 }
 
@@ -45,7 +50,11 @@ fn metal(surface: impl Fn(f64, f64) -> f64) -> Metal {
         let [x, y, z] = [0, 1, 2].map(|a| lattice.grid.origin[a] + cell[a] as f64 + 0.5);
         *c = 1.0 / (1.0 + ((z - surface(x, y)) / 0.75).exp());
     }
-    Metal { lattice, fraction }
+    Metal {
+        boiling: vec![f64::INFINITY; fraction.len()],
+        lattice,
+        fraction,
+    }
 }
 
 fn pose() -> Pose {
@@ -132,36 +141,16 @@ fn columns_without_metal_lose_their_power() {
     assert!((deposit.deposited + deposit.lost - 100.0).abs() < 1e-9);
 }
 
-/// A lattice whose cells boil with a power each.
-struct Boiling {
-    lattice: TestLattice,
-    power: Vec<f64>,
-}
-
-impl HeatedBody for Boiling {
-    fn grid(&self) -> &CellGrid {
-        self.lattice.grid()
-    }
-
-    fn point(&self, cell: [usize; 3]) -> Option<usize> {
-        self.lattice.point(cell)
-    }
-
-    fn volume(&self, point: usize) -> f64 {
-        self.lattice.volume(point)
-    }
-
-    fn boiling_power(&self, point: usize) -> f64 {
-        self.power[point]
-    }
-}
-
 /// 32 x 32 x 20 cells of 0.5 m that boil with 40 W/m³, below z = 10, with a gap.
-fn boiling() -> Boiling {
+fn boiling() -> Metal {
     let mut lattice = TestLattice::full([-8.0, -8.0, 0.0], [0.5; 3], [32, 32, 20]);
     lattice.material = |cell| cell[2] != 17;
-    let power = vec![40.0; lattice.zeros().len()];
-    Boiling { lattice, power }
+    let points = lattice.zeros().len();
+    Metal {
+        fraction: vec![1.0; points],
+        boiling: vec![40.0; points],
+        lattice,
+    }
 }
 
 fn pose_at(z: f64) -> Pose {

@@ -135,8 +135,8 @@ impl Projection {
                 }
                 let [first, second] = resistivities;
                 let mut across = 0.0;
-                for (a, flux) in flux.iter().enumerate() {
-                    across += flux * phase.normal[a][self.slot[i] as usize];
+                for (flux, normal) in flux.iter().zip(phase.normal_in::<D>(self.slot[i])) {
+                    across += flux * normal;
                 }
                 *value -= across * width * (second * c.ln() - first * (1.0 - c).ln());
             });

@@ -133,8 +133,7 @@ impl Projection {
                 if excess == 0.0 || frozen.get(i) == Some(&true) {
                     return [0.0; C];
                 }
-                let normal = std::array::from_fn(|a| phase.normal[a][slot[i] as usize]);
-                let part = side_by_side(rate(i), normal);
+                let part = side_by_side(rate(i), phase.normal_in(slot[i]));
                 std::array::from_fn(|n| {
                     let (a, b) = COMPONENTS[n];
                     2.0 * excess * part[a][b]

@@ -160,6 +160,11 @@ impl Phase {
         slots.step.load(family, step, Mirrored::Scalar);
     }
 
+    /// Normal in a slot.
+    pub(super) fn normal_in<const D: usize>(&self, slot: u32) -> [f64; D] {
+        std::array::from_fn(|a| self.normal[a][slot as usize])
+    }
+
     /// Finds normals, and what compresses the layer between the fluids, from the gradient of the distance and the fraction. Behind
     /// faces normals continue by the angle there, and compression by its mirror image: nothing crosses a wall.
     fn find_normals<const D: usize>(&mut self, family: &Family, slots: &mut FlowSlots) {

@@ -321,7 +321,7 @@ impl Projection {
         let points = along.par_iter_mut().zip(&*slopes).enumerate();
         let points = points.with_min_len(POINTS_PER_TASK);
         points.for_each(|(i, (along, slope))| {
-            let normal: [f64; D] = std::array::from_fn(|a| phase.normal[a][self.slot[i] as usize]);
+            let normal: [f64; D] = phase.normal_in(self.slot[i]);
             let across: f64 = (0..D).map(|a| normal[a] * slope[a]).sum();
             let liquid = liquid.map_or(1.0, |liquid| liquid[i][0]);
             let rate = liquid * law.slope(temperature[i]);
