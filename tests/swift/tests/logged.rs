@@ -33,6 +33,7 @@ fn logged(text: String, path: &Path) -> (Log, Vec<u8>) {
         until: None,
         quiet: true,
         stop: Default::default(),
+        processes: Default::default(),
     };
     run::run(&case, &options).unwrap_or_else(|e| panic!("{e}"));
     let log = Log::open(path).expect("the log opens");
