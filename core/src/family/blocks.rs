@@ -23,9 +23,13 @@ pub(super) struct Blocks {
     stencil: usize,
 }
 
+/// Numbers of the points of a block that do not follow each other.
+pub(super) const MIXED: u32 = u32::MAX;
+
 /// Consecutive points in consecutive slots; lanes from `len` on have no point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BlockHead {
+    /// The first point; [`MIXED`] where owned and remote points of a part are side by side.
     pub(super) point: u32,
     pub(super) slot: u32,
     pub(super) len: u32,
@@ -35,7 +39,7 @@ pub(super) struct BlockHead {
 impl BlockHead {
     #[inline(always)]
     pub(super) fn points(&self) -> Range<usize> {
-        self.point as usize..(self.point + self.len) as usize
+        self.point as usize..self.point as usize + self.len as usize
     }
 }
 
@@ -93,6 +97,10 @@ impl Blocks {
 /// Gathers points in blocks and finds blocks of equal weights.
 pub(super) struct BlockBuilder {
     blocks: Blocks,
+    /// Whether points of a block may have any numbers.
+    may_mix: bool,
+    /// Whether the next point begins a block.
+    has_ended: bool,
     /// Weights of the last block, which may still grow.
     open: Vec<Weights>,
     known: HashMap<Vec<[[u64; BLOCK]; 2]>, u32>,
@@ -103,9 +111,24 @@ impl BlockBuilder {
     pub(super) fn new(stencil: usize) -> Self {
         BlockBuilder {
             blocks: Blocks::of_stencil(stencil),
+            may_mix: false,
+            has_ended: false,
             open: vec![[[0.0; BLOCK]; 2]; stencil],
             known: HashMap::new(),
         }
+    }
+
+    /// As [`BlockBuilder::new`], with blocks of points in consecutive slots, whatever their numbers.
+    pub(super) fn of_slots(stencil: usize) -> Self {
+        BlockBuilder {
+            may_mix: true,
+            ..BlockBuilder::new(stencil)
+        }
+    }
+
+    /// Lets the next point begin a block.
+    pub(super) fn end_block(&mut self) {
+        self.has_ended = true;
     }
 
     /// Number of blocks.
@@ -120,10 +143,11 @@ impl BlockBuilder {
         slot: u32,
         bonds: impl Iterator<Item = (usize, [f64; 2])>,
     ) {
+        let continues = |h: &BlockHead| h.point != MIXED && h.point + h.len == point;
         let follows = |h: &BlockHead| {
-            h.len < BLOCK as u32 && [h.point + h.len, h.slot + h.len] == [point, slot]
+            h.len < BLOCK as u32 && h.slot + h.len == slot && (self.may_mix || continues(h))
         };
-        if !self.blocks.head.last().is_some_and(follows) {
+        if std::mem::take(&mut self.has_ended) || !self.blocks.head.last().is_some_and(follows) {
             self.close();
             self.blocks.head.push(BlockHead {
                 point,
@@ -134,6 +158,9 @@ impl BlockBuilder {
         }
         let head = self.blocks.head.last_mut().expect("pushed above");
         let lane = head.len as usize;
+        if lane > 0 && !continues(head) {
+            head.point = MIXED;
+        }
         head.len += 1;
         for (number, [weight, dual]) in bonds {
             self.open[number][0][lane] = weight;

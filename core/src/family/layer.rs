@@ -211,6 +211,8 @@ pub(super) struct SlotGrid {
     first: [usize; 3],
     /// Slots of the whole body along each axis.
     whole: [usize; 3],
+    /// Slots before the first cell of the whole body along x.
+    margin: usize,
     /// Lower corner of the slots of the whole body, m.
     origin: Vector3<f64>,
     pub(super) spacing: f64,
@@ -245,6 +247,7 @@ impl SlotGrid {
             cells: padded.cells,
             first: std::array::from_fn(|a| (padded.first[a] + padded.pad[a]) as usize),
             whole: std::array::from_fn(|a| lattice.cells[a] + 2 * padded.pad[a] as usize),
+            margin: padded.pad[0] as usize,
             origin: lattice.origin - margin,
             spacing: lattice.spacing,
             dimension,
@@ -260,6 +263,11 @@ impl SlotGrid {
     /// The lowest slot in those of the whole body, and the number of these, along each axis.
     pub(super) fn in_whole(&self) -> [[usize; 3]; 2] {
         [self.first, self.whole]
+    }
+
+    /// Cell of the whole body along x that follows a slot; slots before the first one count down from `usize::MAX`.
+    pub(super) fn cell_of_row(&self, slot: usize) -> usize {
+        (slot % self.cells[0] + self.first[0]).wrapping_sub(self.margin)
     }
 
     pub(super) fn stride(&self, axis: usize) -> usize {

@@ -386,7 +386,6 @@ fn heat_in_a_cloud_in_parts_has_the_bits_of_the_whole() {
     }
 }
 
-/// Along x, blocks of points side by side begin where rows do.
 #[test]
 fn explicit_motion_of_bonds_in_parts_has_the_bits_of_the_whole() {
     for dimension in [2, 3] {
@@ -394,7 +393,7 @@ fn explicit_motion_of_bonds_in_parts_has_the_bits_of_the_whole() {
             let body = block(dimension);
             let spec = spec(layers, Correction::Point);
             let expected = moved(&World::new(&body, &spec, |_| 0), &body);
-            let mut cuts = vec![two(1, 0.8), two(1, 1.75)];
+            let mut cuts = vec![two(1, 0.8), two(1, 1.75), two(0, 0.45), two(0, 0.7)];
             if dimension == 3 {
                 cuts.extend([two(2, 1.0), two(2, 1.95)]);
             }
@@ -402,6 +401,8 @@ fn explicit_motion_of_bonds_in_parts_has_the_bits_of_the_whole() {
                 let parts = World::new(&body, &spec, cut);
                 assert_eq!(moved(&parts, &body), expected);
             }
+            let parts = World::new(&body, &spec, four);
+            assert_eq!(moved(&parts, &body), expected);
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A bond under finite displacements costs a square root and a division, so it is evaluated once, from the end
 //! in the lower slot: *ahead*. Eight points advance together, with their own sums in registers and those of
-//! the other ends in memory. They are gathered in boxes of rows ([`RowBoxes`]); boxes of one colour write to different
+//! the other ends in memory, in blocks that begin at every eighth cell along x. They are gathered in boxes of rows ([`RowBoxes`]); boxes of one colour write to different
 //! rows, so that threads may sweep them at the same time. Neither boxes nor colours depend on the number of threads, so
 //! that sums are bit-identical for any number.
 //!
@@ -164,7 +164,8 @@ impl Pairs {
         let Store::Lattice(bonds, _) = &family.store else {
             return None;
         };
-        let (cells, stencil) = (bonds.stencil.grid.cells(), &bonds.stencil.bonds);
+        let (grid, stencil) = (&bonds.stencil.grid, &bonds.stencil.bonds);
+        let cells = grid.cells();
         let is_line = cells[1] == 1 && cells[2] == 1;
         if cells[0] < BLOCK || is_line {
             return None;
@@ -180,18 +181,23 @@ impl Pairs {
         for span in family.slots.points.spans() {
             holds_point[span.slot as usize..][..span.len as usize].fill(true);
         }
-        let mut blocks_ahead = BlockBuilder::new(half);
-        let mut blocks_behind = BlockBuilder::new(half);
+        let mut blocks_ahead = BlockBuilder::of_slots(half);
+        let mut blocks_behind = BlockBuilder::of_slots(half);
         let mut boxes: [Vec<BoxBlocks>; 4] = Default::default();
         for &(slot, _) in &family.slots.remote {
             holds_point[slot as usize] = true;
         }
         let farthest = ahead[half - 1].offset as usize;
-        let rows = RowBoxes::new(cells, bonds.stencil.grid.in_whole(), farthest);
+        let rows = RowBoxes::new(cells, grid.in_whole(), farthest);
         for of_box in boxed_points(family, &rows).chunk_by(|a, b| a.place == b.place) {
             let first = [blocks_ahead.len(), blocks_behind.len()];
             for boxed in of_box {
                 let BoxedPoint { slot, point, .. } = *boxed;
+                // blocks of a part are those of the whole body
+                if grid.cell_of_row(slot as usize).is_multiple_of(BLOCK) {
+                    blocks_ahead.end_block();
+                    blocks_behind.end_block();
+                }
                 let (mut back, mut forth) = (Vec::new(), Vec::new());
                 if point as usize >= family.points {
                     let ahead = ahead_of_remote(family, bonds, boxed);

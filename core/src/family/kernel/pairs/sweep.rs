@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::PoisonError;
 
 use super::{BoxBlocks, HalfStencil, Pairs};
-use crate::family::blocks::{BLOCK, BlockHead};
+use crate::family::blocks::{BLOCK, BlockHead, MIXED};
 use crate::family::kernel::lattice::{LaneBonds, lanes, sum_lanes};
 use crate::family::kernel::sums::{Output, Planes};
 use crate::family::kernel::{BondKernel, SweepInputs, for_each, inputs_at};
@@ -66,10 +66,19 @@ impl Family {
                         [*sum] = unsafe { sweep.planes.take(o, slot + lane) };
                     }
                 }
-                for (lane, point) in (point..(point + len).min(self.points)).enumerate() {
+                let set = |lane: usize, point: usize| {
                     let sum = std::array::from_fn(|o| sums[o][lane]);
                     // SAFETY: `output` has sums for each point of the family, and one thread sets them.
                     unsafe { output.set(point, sum) }
+                };
+                if head.point == MIXED {
+                    let owned = |lane: usize| Some((lane, self.point_in(slot + lane)?));
+                    let owned = (0..len).filter_map(owned);
+                    owned.for_each(|(lane, point)| set(lane, point));
+                    continue;
+                }
+                for (lane, point) in (point..(point + len).min(self.points)).enumerate() {
+                    set(lane, point);
                 }
             }
         });
