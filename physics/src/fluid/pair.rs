@@ -242,13 +242,6 @@ impl FluidPair {
         first * second / (c * second + (1.0 - c) * first)
     }
 
-    /// What fluids side by side have more than layers in series, Pa s.
-    pub(in crate::fluid) fn excess_viscosity(&self, fraction: f64) -> f64 {
-        let [first, second] = self.viscosity;
-        let c = fraction.clamp(0.0, 1.0);
-        c * (1.0 - c) * (first - second).powi(2) / (c * second + (1.0 - c) * first)
-    }
-
     /// `1/mu_1 - 1/mu_2`, 1/(Pa s).
     pub(in crate::fluid) fn jump_of_fluidity(&self) -> f64 {
         let [first, second] = self.viscosity;

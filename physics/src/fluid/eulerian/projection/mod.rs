@@ -19,7 +19,6 @@ mod freezing;
 pub(in crate::fluid) mod heat;
 pub(in crate::fluid) mod interface_temperature;
 mod kernels;
-mod laminate;
 mod phase;
 mod pressure;
 mod slots;
@@ -45,7 +44,6 @@ use flow::largest;
 use freezing::Freezing;
 use heat::{FlowHeat, HeatedFluid};
 use kernels::{Inputs, JumpSums, RIGID};
-use laminate::Laminate;
 use phase::{Measured, Phase};
 use pressure::{PressureBonds, PressureSolver};
 use slots::FlowSlots;
@@ -62,7 +60,7 @@ use crate::fluid::medium::Medium;
 use crate::fluid::pair::FluidPair;
 use crate::fluid::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
 use crate::fluid::walls::Walls;
-use crate::shape_tensor::{CompleteFamily, components};
+use crate::shape_tensor::CompleteFamily;
 
 /// Largest way of the fluid in a step, in spacings.
 const LARGEST_WAY: f64 = 0.4;
@@ -88,8 +86,6 @@ pub(in crate::fluid) struct Projection {
     mixed_viscosity: Vec<f64>,
     /// What two fluids have besides.
     phase: Option<Phase>,
-    /// Stress of the layer between two fluids of different viscosities.
-    laminate: Option<Laminate>,
     /// Where the first of two fluids freezes.
     freezing: Option<Freezing>,
     /// Heat that is carried, where `thermal` takes it up.
@@ -208,9 +204,6 @@ impl Projection {
             slots: FlowSlots::new(&family, dimension),
             viscosity: SlotField::default(),
             mixed_viscosity: Vec::new(),
-            laminate: (pair.as_ref())
-                .filter(|pair| pair.viscosity[0] != pair.viscosity[1])
-                .map(|_| Laminate::new(&family, &complete, dimension)),
             freezing: melting.map(|melting| Freezing::new(melting, points)),
             heat: curves
                 .map(|curves| FlowHeat::new(curves, pair.as_ref().map(|p| p.material), body)),
@@ -414,14 +407,8 @@ impl Rates for Projection {
         self.find_slopes(&flow);
         let in_series = terms.medium.viscosity.needs_shear_rate();
         match (self.dimension, &self.phase) {
-            (2, Some(_)) => {
-                self.find_jumping_viscosity::<2, VISCOUS_2D, JUMPS_2D>(&flow);
-                self.add_laminate::<2, { components(2) }>();
-            }
-            (_, Some(_)) => {
-                self.find_jumping_viscosity::<3, VISCOUS_3D, JUMPS_3D>(&flow);
-                self.add_laminate::<3, { components(3) }>();
-            }
+            (2, Some(_)) => self.find_jumping_viscosity::<2, VISCOUS_2D, JUMPS_2D>(&flow),
+            (_, Some(_)) => self.find_jumping_viscosity::<3, VISCOUS_3D, JUMPS_3D>(&flow),
             (2, None) if in_series => self.find_viscosity::<2, VISCOUS_2D, SUMS_2D, true>(&flow),
             (_, None) if in_series => self.find_viscosity::<3, VISCOUS_3D, SUMS_3D, true>(&flow),
             (2, None) => self.find_viscosity::<2, VISCOUS_2D, SUMS_2D, false>(&flow),

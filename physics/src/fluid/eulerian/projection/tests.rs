@@ -230,13 +230,6 @@ fn mixtures_have_the_properties_of_layers() {
         (-0.01, 1.94, 2.0),
         (1.01, 8.06, 6.0),
     ] {
-        let c = f64::clamp(fraction, 0.0, 1.0);
-        let side_by_side = 6.0 * c + 2.0 * (1.0 - c);
-        let excess = pair.excess_viscosity(fraction);
-        assert!(
-            (viscosity + excess - side_by_side).abs() < 1e-12,
-            "{excess}"
-        );
         assert!(
             (pair.density_of(fraction) - density).abs() < 1e-12,
             "{fraction}"
