@@ -28,7 +28,9 @@ use super::eulerian::CarriedFlow;
 use super::kinds::DifferencesKeys;
 use super::medium::Medium;
 use super::rates::{POINTS_PER_TASK, Stability, Terms};
+use super::surface_waves;
 use super::viscosity::{Viscosity, squared_shear_rate};
+use crate::shape_tensor::CompleteFamily;
 
 /// A field in slot space, and some of its derivatives.
 #[derive(Debug, Default)]
@@ -124,6 +126,8 @@ fn row(rows: &[f64], width: usize, point: usize) -> &[f64] {
 pub(super) struct Differences {
     pub(super) pddo: Pddo,
     pub(super) work: Derivatives,
+    /// At the reference positions.
+    pub(super) stability: Stability,
     /// Whether the viscous stress has the term of the divergence.
     is_compressible: bool,
     /// Rows of each component: the first derivatives, then the Laplacian.
@@ -144,16 +148,26 @@ impl Differences {
         keys: DifferencesKeys,
         body: &Body,
         family: Arc<Family>,
+        complete: &CompleteFamily,
     ) -> Result<Self, SetupError> {
         let pddo = Pddo::build(body, family, 2);
         let pddo = pddo.map_err(|e| SetupError::other("horizon", e))?;
+        let mut work = Derivatives::default();
+        let mut stability = Stability {
+            wave_number: pddo.largest_wave_number(complete.point),
+            laplacian: pddo.laplacian_sum(complete.point),
+        };
+        if let Some(wave_number) = surface_waves::largest_wave_number(&pddo, complete, &mut work) {
+            stability.wave_number = stability.wave_number.max(wave_number);
+        }
         Ok(Differences {
             is_compressible: keys.is_compressible,
             velocity: vec![Vec::new(); pddo.dimension()],
             friction: vec![Vec::new(); pddo.dimension()],
             slope_of_divergence: Vec::new(),
             diffusion: DensityDiffusion::default(),
-            work: Derivatives::default(),
+            work,
+            stability,
             pressure: Differentiated::default(),
             is_per_mass: false,
             viscosity: Differentiated::default(),
@@ -184,14 +198,6 @@ impl Differences {
         let axes = self.diffusion.axes.iter_mut();
         axes.for_each(|along| along.coordinate_laplacian.clear());
         self.pddo.rebuild(positions, family)
-    }
-
-    pub(super) fn stability(&self) -> Stability {
-        // all families are complete
-        Stability {
-            wave_number: self.pddo.largest_wave_number(0),
-            laplacian: self.pddo.laplacian_sum(0),
-        }
     }
 
     pub(super) fn set_viscosity(&mut self, medium: &Medium) {

@@ -112,10 +112,14 @@ pub struct Fluid {
     pub artificial_viscosity: Option<f64>,
     /// Number of steps after which velocity and density are smoothed by moving least squares, such as 20 (Gao (2020),
     /// eqs. 5.111 to 5.114, with the volumes that eq. 5.114c lacks); 0: never. Linear fields do not change; each smoothing
-    /// acts as a diffusion by about a tenth of the squared horizon.
+    /// acts as a diffusion by about a tenth of the squared horizon. `smoothed` leaves out the velocity.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 0))]
     pub smoothing: Option<u32>,
+    /// What `smoothing` acts on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("default" = "velocity_and_density"))]
+    pub smoothed: Option<Smoothed>,
     /// Time during which accelerations grow smoothly from zero, s (Gao (2020), eq. 5.110).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("default" = 0.0, "minimum" = 0))]
@@ -137,6 +141,17 @@ pub enum Form {
     /// form"). Momentum is kept to rounding, surfaces may be free. For the updated Lagrangian description and points
     /// of one spacing.
     Conservative,
+}
+
+/// Fields that moving least squares smooth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Smoothed {
+    /// Velocity and density.
+    #[default]
+    VelocityAndDensity,
+    /// The density, and the pressure with it: no friction is added.
+    Density,
 }
 
 /// Condition at a free surface.
@@ -201,6 +216,12 @@ impl Fluid {
         for (key, value) in numbers {
             check_at_least(key, value, 0.0, "")?;
         }
+        need(
+            self.smoothing.is_some_and(|steps| steps > 0) || self.smoothed.is_none(),
+            "smoothed",
+            "nothing is smoothed",
+            "`smoothing` with a number of steps, or no `smoothed`",
+        )?;
         need(
             self.fluids.is_some() || self.interface.is_none(),
             "interface",

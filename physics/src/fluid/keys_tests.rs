@@ -119,6 +119,9 @@ fn keys_fit_each_other() {
         (&format!("{EULER}\nsurface = 'closed'"), Some("surface")),
         (&format!("{EULER}\ncollisions = {{}}"), Some("collisions")),
         (&format!("{EULER}\nsmoothing = 5"), None),
+        ("smoothing = 5\nsmoothed = 'density'", None),
+        ("smoothed = 'density'", Some("smoothed")),
+        ("smoothing = 0\nsmoothed = 'density'", Some("smoothed")),
         (FOLLOWING, None),
         (&format!("{FOLLOWING}\nsmoothing = 5"), Some("smoothing")),
         (

@@ -227,6 +227,7 @@ impl Fluid {
         // the volumes of points that follow walls change, which smoothing does not know
         if choice.description != Description::ArbitraryLagrangianEulerian {
             keys.settings.smoothing = self.smoothing.take().unwrap_or(0);
+            keys.settings.smoothed = self.smoothed.take().unwrap_or_default();
         }
         let carries_mass = matches!(points, PointKeys::Lagrangian(_));
         if carries_mass || !keys.is_conservative() {

@@ -62,6 +62,7 @@ mod run;
 mod stability_tests;
 pub mod state;
 mod step;
+mod surface_waves;
 #[cfg(test)]
 mod tests;
 mod treatments;

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::heat::FluidHeat;
 use super::interface_report::InterfaceReport;
-use super::keys::Scheme;
+use super::keys::{Scheme, Smoothed};
 use super::medium::Medium;
 use super::points::Points;
 use super::rates::Stability;
@@ -99,6 +99,7 @@ pub(super) struct StepSettings {
     pub(super) startup: f64,
     /// Number of steps; 0: never.
     pub(super) smoothing: u32,
+    pub(super) smoothed: Smoothed,
     pub(super) zero_surface_pressure: bool,
 }
 

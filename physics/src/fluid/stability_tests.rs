@@ -70,6 +70,27 @@ fn stable_step(n: usize, material: &str, keys: &str) -> f64 {
     s.stable_steps()[0].expect("a fluid has one")
 }
 
+/// Where the surface is free, derivatives on one-sided families respond more strongly: the largest frequency of 12 rows with
+/// two free surfaces and 12 points along them, from the eigenvalues of the discrete divergence of the gradient.
+#[test]
+fn a_free_surface_shortens_the_stable_step() {
+    for (horizon, frequency) in [(3.015, 1.0019), (3.6, 0.8895)] {
+        let material = "density = 2\nviscosity = 1e-12";
+        let mut body = block([12, 12, 1], 2, 0.1, Store::Lattice, material);
+        body.repeat(&[Axis::X]).expect("it fills its box");
+        let keys =
+            format!("surface = 'zero_pressure'\nhorizon = {horizon}\nstate.tait.sound_speed = 30");
+        let mut s = flow(body, &keys, 1.0);
+        s.start().expect("starts");
+        let step = s.stable_steps()[0].expect("a fluid has one");
+        let found = 2.0 * 0.1 / (30.0 * step);
+        assert!(
+            (found / frequency - 1.0).abs() < 5e-3,
+            "{horizon}: {found} {frequency}"
+        );
+    }
+}
+
 #[test]
 fn density_diffusion_shortens_the_step_as_the_same_diffusivity_of_momentum() {
     for form in ["differences", "conservative"] {

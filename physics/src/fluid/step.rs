@@ -13,7 +13,7 @@ use perimelt_core::family::{ByRules, Curved, LayerRule};
 use perimelt_core::solver::SolverError;
 use perimelt_core::{SlotField, Step, World};
 
-use super::keys::Scheme;
+use super::keys::{Scheme, Smoothed};
 use super::lagrangian::MotionStep;
 use super::points::Points;
 use super::rates::Terms;
@@ -146,7 +146,7 @@ impl FluidRun {
         Ok(())
     }
 
-    /// Smooths velocity and density in every n-th step.
+    /// Smooths density and velocity in every n-th step.
     fn smooth(&mut self, world: &World) {
         let smoothing = self.settings.smoothing;
         if smoothing == 0 || !self.steps.is_multiple_of(u64::from(smoothing)) {
@@ -160,12 +160,15 @@ impl FluidRun {
             volume,
             material: &world.body(self.body).material_of_point,
         };
-        self.treatments.smooth(
-            neighbours,
-            &mut world.write(self.fields.velocity),
-            &mut world.write(self.fields.density),
-            |i, after, rho| medium.change_density(i, after, rho, &mut pressure[i]),
-        );
+        let mut velocity = world.write(self.fields.velocity);
+        let mut density = world.write(self.fields.density);
+        let smooth = self.treatments.smooth(neighbours, &velocity, &density);
+        for (i, smooth) in smooth.iter().enumerate() {
+            if self.settings.smoothed == Smoothed::VelocityAndDensity {
+                velocity[i] = smooth.xyz();
+            }
+            medium.change_density(i, smooth.w, &mut density[i], &mut pressure[i]);
+        }
     }
 
     /// Displaces points that move by a step of `dt` (s).

@@ -15,7 +15,7 @@ use super::walls::Walls;
 
 /// Fraction of a complete family below which a point counts as a surface point: the first row below a flat surface
 /// has 0.69, the second row 0.93.
-const AT_SURFACE: f64 = 0.8;
+pub(super) const AT_SURFACE: f64 = 0.8;
 
 /// Fraction below which a point is not smoothed: too few neighbours determine a linear field, as in a thread or a
 /// splash.
@@ -221,16 +221,14 @@ impl Treatments {
         }
     }
 
-    /// Velocity and density by moving least squares over points and their neighbours, without images (Gao
+    /// Velocity (m/s) and density (kg/m³) by moving least squares over points and their neighbours, without images (Gao
     /// (2020), eqs. 5.111 to 5.114; eq. 5.114c lacks the volumes), among points of one material. Points with too few neighbours keep their values.
-    /// `change_density` gets each point with its new density.
     pub(super) fn smooth(
         &mut self,
         neighbours: Neighbours<'_>,
-        velocity: &mut [Vector3<f64>],
-        density: &mut [f64],
-        mut change_density: impl FnMut(usize, f64, &mut f64),
-    ) {
+        velocity: &[Vector3<f64>],
+        density: &[f64],
+    ) -> &[Vector4<f64>] {
         let Neighbours {
             family,
             volume,
@@ -270,10 +268,7 @@ impl Treatments {
         };
         let smooth = (0..density.len()).into_par_iter().with_min_len(64).map(at);
         smooth.collect_into_vec(&mut self.smooth);
-        for (i, smooth) in self.smooth.iter().enumerate() {
-            velocity[i] = smooth.xyz();
-            change_density(i, smooth.w, &mut density[i]);
-        }
+        &self.smooth
     }
 }
 
@@ -325,12 +320,10 @@ mod tests {
                 volume,
                 material: &body.material_of_point,
             };
-            treatments.smooth(neighbours, &mut velocity, &mut density, |_, after, rho| {
-                *rho = after
-            });
+            let smooth = treatments.smooth(neighbours, &velocity, &density);
             for point in [centre, centre + 1] {
-                assert!((velocity[point].x - mean).abs() < 1e-12, "{dimension}D");
-                assert!((density[point] - 2.0 - mean).abs() < 1e-12, "{dimension}D");
+                assert!((smooth[point].x - mean).abs() < 1e-12, "{dimension}D");
+                assert!((smooth[point].w - 2.0 - mean).abs() < 1e-12, "{dimension}D");
             }
         }
     }

@@ -69,7 +69,7 @@ impl Rates for EulerianDifferences {
     }
 
     fn stability(&self) -> Stability {
-        let within = self.core.stability();
+        let within = self.core.stability;
         let at_walls = 0.5 * largest_rate_at_walls(&self.core.pddo);
         Stability {
             laplacian: within.laplacian.max(at_walls),

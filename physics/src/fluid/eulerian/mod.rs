@@ -97,7 +97,8 @@ impl EulerianPoints {
         }
         let form = match keys.form {
             EulerianForm::Differences(keys) => {
-                let core = Differences::prepare(keys, setup.body(body), family)?;
+                let fluid = setup.body(body);
+                let core = Differences::prepare(keys, fluid, family, &around.complete)?;
                 let rates = EulerianDifferences::new(core, convection);
                 EulerianRates::Differences(Box::new(rates))
             }

@@ -76,7 +76,7 @@ impl Rates for LagrangianDifferences {
     }
 
     fn stability(&self) -> Stability {
-        self.core.stability()
+        self.core.stability
     }
 
     fn set_viscosity(&mut self, medium: &Medium) {

@@ -156,7 +156,7 @@ impl LagrangianPoints {
         let body = setup.body(around.body);
         let form = match keys {
             LagrangianKeys::Total(keys) | LagrangianKeys::Updated(_, keys) => {
-                let core = Differences::prepare(keys, body, family)?;
+                let core = Differences::prepare(keys, body, family, &around.complete)?;
                 let surface = fluids.map(|fluids| SurfaceForce::new(fluids, body));
                 let rates = LagrangianDifferences::new(core, surface);
                 LagrangianForm::Differences(Box::new(rates))
