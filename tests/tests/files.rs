@@ -401,3 +401,43 @@ fn a_run_of_a_sweep_ends_with_the_sweep() {
         }
     );
 }
+
+/// Two tasks of a job array share a sweep, each run of which a launcher starts; the task that ends last has the whole table.
+#[test]
+fn tasks_of_a_job_array_share_a_sweep() {
+    let folder = folder();
+    let folder = folder.path();
+    let text = WELD.replace("end = 1.5", "end = 0.2");
+    std::fs::write(folder.join("short.toml"), text).expect("writable");
+    let sweep = |others: &[&str]| {
+        let values = "couplers.goldak.power=[1000, 1500, 2000]";
+        let sweep = ["sweep", "short.toml", "--set", values, "--out", "s"];
+        told(folder, &[&sweep[..], others].concat())
+    };
+    let rows = || {
+        let table = std::fs::read_to_string(folder.join("s/sweep.csv")).expect("a table");
+        table.lines().filter(|row| row.ends_with("yes")).count()
+    };
+    let by_launcher = ["--launcher", "env PERIMELT_TASK=1"];
+    let (done, message) = sweep(&[&by_launcher[..], &["--part", "1/2"]].concat());
+    assert!(done && message.contains("3 of 3"), "{message}");
+    assert!(!folder.join("s/2.mcap").exists());
+    assert_eq!(rows(), 2);
+    let (done, message) = sweep(&["--part", "2/2"]);
+    assert!(done && !message.contains("3 of 3"), "{message}");
+    assert_eq!(rows(), 3);
+    for (wrong, expected) in [
+        (["--part", "3/2"], "expected a number from 1"),
+        (["--part", "0/2"], "expected a number from 1"),
+        (["--launcher", " "], "expected a command"),
+    ] {
+        let (done, message) = sweep(&wrong);
+        assert!(!done && message.contains(expected), "{message}");
+    }
+    std::fs::remove_file(folder.join("s/1.mcap")).expect("it is there");
+    let (done, message) = sweep(&["--launcher", "no-such-launcher -n 2"]);
+    assert!(
+        !done && message.contains("cannot start no-such-launcher"),
+        "{message}"
+    );
+}

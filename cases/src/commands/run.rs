@@ -164,7 +164,8 @@ pub fn resume(args: &ResumeArgs) -> Done {
 
 impl Common {
     fn options(&self, out: PathBuf, force: bool, processes: Processes) -> Options {
-        if self.end_with_input {
+        // launchers pass their input to the first process
+        if self.end_with_input && processes.rank() == 0 {
             std::thread::spawn(|| {
                 let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
                 interrupt::request_end();

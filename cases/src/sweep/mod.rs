@@ -7,6 +7,7 @@ mod variants;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::str::FromStr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
@@ -47,12 +48,60 @@ pub struct SweepArgs {
     /// Folder of cases, logs, table and picture [default: name of the case with -sweep, in the working directory]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
-    /// Runs at a time [default: all cores]
+    /// Runs at a time [default: all cores, and one with `--launcher`]
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
+    /// Command that starts the processes of each run, such as `srun -n 8`
+    #[arg(long, value_name = "COMMAND", value_parser = launcher)]
+    launcher: Option<Launcher>,
+    /// Only the runs K, K + N, K + 2 N ...: that of one task of a job array, whose tasks share the folder
+    #[arg(long, value_name = "K/N")]
+    part: Option<SweepPart>,
     /// Axis along which the heat source travels, for the length of the melt pool
     #[arg(long, value_enum, default_value_t)]
     travel: Travel,
+}
+
+/// A command that starts a program several times, and its arguments.
+#[derive(Clone, Debug)]
+struct Launcher(Vec<String>);
+
+/// Reads a command with its arguments.
+fn launcher(given: &str) -> Result<Launcher, String> {
+    let words: Vec<String> = given.split_whitespace().map(String::from).collect();
+    match words.is_empty() {
+        true => Err("expected a command, such as `srun -n 8`".into()),
+        false => Ok(Launcher(words)),
+    }
+}
+
+/// One of the tasks among which the runs of a sweep are divided.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct SweepPart {
+    /// From 1.
+    number: usize,
+    count: usize,
+}
+
+impl FromStr for SweepPart {
+    type Err = String;
+
+    fn from_str(given: &str) -> Result<Self, String> {
+        let numbers = given.split_once('/').and_then(|(number, count)| {
+            let (number, count) = (number.parse().ok()?, count.parse().ok()?);
+            (1..=count)
+                .contains(&number)
+                .then_some(SweepPart { number, count })
+        });
+        numbers
+            .ok_or_else(|| "expected a number from 1 and how many there are, such as `2/8`".into())
+    }
+}
+
+impl SweepPart {
+    fn contains(self, variant: &Variant) -> bool {
+        (variant.number - 1) % self.count == self.number - 1
+    }
 }
 
 /// Why a sweep cannot be run.
@@ -148,13 +197,16 @@ pub fn sweep(args: &SweepArgs, out: &mut dyn io::Write) -> Result<(), Box<dyn st
         name.push("-sweep");
         name.into()
     });
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let jobs = args.jobs.unwrap_or(cores).min(variants.len());
-    if jobs == 0 {
+    if args.jobs == Some(0) {
         return Err(SweepError::NoJobs.into());
     }
     write_cases(&folder, &variants)?;
-    let (failed, interrupted) = run_all(&folder, &variants, jobs, (cores / jobs).max(1));
+    let own = variants
+        .iter()
+        .filter(|v| args.part.is_none_or(|part| part.contains(v)));
+    let own: Vec<&Variant> = own.collect();
+    let (failed, interrupted) =
+        run_all(&folder, &own, variants.len(), &Runner::new(args, own.len()));
     let result = |v: &Variant| {
         let log = Log::open(v.log(&folder)).ok();
         let options = SummaryOptions {
@@ -227,15 +279,48 @@ fn write_text(path: &Path, text: &[u8]) -> io::Result<()> {
     write_whole(path, |file| file.write_all(text))
 }
 
-/// Runs the variants that are not complete, several at a time; numbers of failed and of interrupted runs.
-fn run_all(folder: &Path, variants: &[Variant], jobs: usize, threads: usize) -> (usize, usize) {
+/// How runs are started.
+struct Runner {
+    /// Runs at a time.
+    jobs: usize,
+    /// Threads of each run; processes of a launcher divide the cores among them.
+    threads: Option<usize>,
+    launcher: Vec<String>,
+}
+
+impl Runner {
+    fn new(args: &SweepArgs, runs: usize) -> Self {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let usual = if args.launcher.is_some() { 1 } else { cores };
+        let jobs = args.jobs.unwrap_or(usual).min(runs).max(1);
+        Runner {
+            jobs,
+            threads: args.launcher.is_none().then_some((cores / jobs).max(1)),
+            launcher: args.launcher.clone().map_or_else(Vec::new, |l| l.0),
+        }
+    }
+
+    /// The program, to be started by the launcher, if there is one.
+    fn command(&self) -> io::Result<Command> {
+        let program = std::env::current_exe()?;
+        let Some((launcher, arguments)) = self.launcher.split_first() else {
+            return Ok(Command::new(program));
+        };
+        let mut command = Command::new(launcher);
+        command.args(arguments).arg(program);
+        Ok(command)
+    }
+}
+
+/// Runs those of the `all` variants that are not complete, several at a time; numbers of failed and of interrupted runs.
+fn run_all(folder: &Path, variants: &[&Variant], all: usize, runner: &Runner) -> (usize, usize) {
     let next = AtomicUsize::new(0);
     let (failed, interrupted) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let work = || {
         while let Some(variant) = variants.get(next.fetch_add(1, Ordering::Relaxed)) {
             let started = Instant::now();
-            let done = run_one(folder, variant, threads);
-            let (number, all) = (variant.number, variants.len());
+            let done = run_one(folder, variant, runner);
+            let number = variant.number;
             let values = variant.values();
             match done {
                 Ok(()) => {
@@ -254,7 +339,7 @@ fn run_all(folder: &Path, variants: &[Variant], jobs: usize, threads: usize) -> 
         }
     };
     std::thread::scope(|scope| {
-        for _ in 0..jobs {
+        for _ in 0..runner.jobs {
             scope.spawn(work);
         }
     });
@@ -275,8 +360,8 @@ impl From<io::Error> for RunFailure {
     }
 }
 
-/// Runs a variant in a separate process, so that a failure does not end the others.
-fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), RunFailure> {
+/// Runs a variant in processes of its own, so that a failure does not end the others.
+fn run_one(folder: &Path, variant: &Variant, runner: &Runner) -> Result<(), RunFailure> {
     let log = variant.log(folder);
     wait_for(&log);
     let present = Log::open(&log).ok();
@@ -285,8 +370,7 @@ fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), RunFa
     }
     // without a checkpoint the run starts from the beginning
     let present = present.filter(|log| log.last_sound_checkpoint().is_ok());
-    let program = std::env::current_exe()?;
-    let mut command = Command::new(program);
+    let mut command = runner.command()?;
     match present {
         Some(_) => command.arg("resume").arg(&log),
         None => command
@@ -295,11 +379,17 @@ fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), RunFa
             .args(["--force", "--out"])
             .arg(&log),
     };
-    command.args(["--quiet", "--threads", &threads.to_string()]);
+    command.arg("--quiet");
+    if let Some(threads) = runner.threads {
+        command.args(["--threads", &threads.to_string()]);
+    }
     // the run ends with its input, which closes when this process ends
     command.arg("--end-with-input").stdin(Stdio::piped());
     command.stdout(Stdio::null()).stderr(Stdio::piped());
-    let mut child = command.spawn()?;
+    let mut child = command.spawn().map_err(|error| {
+        let program = command.get_program().display();
+        RunFailure::Failed(format!("cannot start {program}: {error}"))
+    })?;
     let _input = child.stdin.take();
     let output = child.wait_with_output()?;
     let messages = log.with_extension("txt");
