@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 
 use perimelt::case::Case;
 use perimelt::run::Failure;
 use perimelt_core::Simulation;
 use perimelt_core::log::Log;
+use perimelt_core::transport::{Memory, Processes};
 
 /// The folder of the repository.
 pub fn root() -> PathBuf {
@@ -69,6 +71,26 @@ pub fn last_checkpoint(log: &Path) -> Vec<u8> {
     let log = Log::open(log).expect("the log opens");
     let last = log.last_checkpoint().expect("it has a checkpoint");
     log.checkpoint(last).expect("it reads")
+}
+
+/// What each of `count` processes, which are threads, finds.
+///
+/// # Panics
+/// When one does.
+pub fn in_processes<T: Send>(count: usize, work: impl Fn(Processes) -> T + Sync) -> Vec<T> {
+    if count == 1 {
+        return vec![work(Processes::ALONE)];
+    }
+    let work = &work;
+    std::thread::scope(|scope| {
+        let start = |process: Memory| {
+            let processes = Processes::new(Arc::new(process));
+            scope.spawn(move || work(processes))
+        };
+        let threads: Vec<_> = Memory::processes(count).into_iter().map(start).collect();
+        let results = threads.into_iter().map(|thread| thread.join());
+        results.map(|result| result.expect("no panic")).collect()
+    })
 }
 
 /// Compiles the material subroutines of the tests to a library in a folder; `None`, with a message, without a compiler.

@@ -1,5 +1,5 @@
 //! Every case file, coarse and short, in several modes that must agree: straight; stopped half
-//! way and resumed; on one and two threads; with both stores; logged and replayed.
+//! way and resumed; on one and two threads; shared by three processes, where its plugins can; with both stores; logged and replayed.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,7 +8,7 @@ use perimelt::case::Case;
 use perimelt::run::{self, End, Options};
 use perimelt_core::log::Log;
 use perimelt_core::{RunError, Simulation};
-use perimelt_tests::last_checkpoint;
+use perimelt_tests::{in_processes, last_checkpoint};
 use toml::{Table, Value};
 
 /// Bodies of more points than this, at the coarsest spacing that a case can have, are left out; a point of
@@ -151,7 +151,23 @@ fn set_tolerance(case_table: &mut Table, tolerance: f64) {
     }
 }
 
-fn check(file: &Path, case_table: &mut Table, folder: &Path) {
+/// The last checkpoint of a run that three processes share; `None` where they cannot.
+fn shared(case: &Case, out: &Path) -> Option<Vec<u8>> {
+    let runs = in_processes(3, |processes| {
+        case.compose_shared(processes.clone()).ok()?;
+        let options = Options {
+            processes,
+            ..options(out, None)
+        };
+        run::run(case, &options).map(drop).expect("it runs");
+        Some(())
+    });
+    runs.into_iter().collect::<Option<Vec<()>>>()?;
+    Some(last_checkpoint(out))
+}
+
+/// Whether processes can share the case.
+fn check(file: &Path, case_table: &mut Table, folder: &Path) -> bool {
     let name = file.display();
     let case = parse(file, case_table);
     let at = |log: &str| folder.join(log);
@@ -161,6 +177,11 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path) {
         on_threads(1, &case, &at("one.mcap")) == straight,
         "{name}: 1 and 2 threads differ"
     );
+
+    let shared = shared(&case, &at("shared.mcap"));
+    if let Some(shared) = &shared {
+        assert!(*shared == straight, "{name}: 1 and 3 processes differ");
+    }
 
     let half = options(&at("half.mcap"), Some(0.5 * case.time.end));
     let stopped = run::run(&case, &half).expect("it runs");
@@ -205,7 +226,7 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path) {
         matches!(kind, Some("deposit" | "cut"))
     };
     if couplers.is_some_and(|c| c.iter().any(changes_points)) {
-        return; // a body that grows or is cut has a lattice
+        return shared.is_some(); // a body that grows or is cut has a lattice
     }
     for (_, body) in table(case_table, "bodies").iter_mut() {
         body.as_table_mut()
@@ -233,6 +254,7 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path) {
             apart / largest
         );
     }
+    shared.is_some()
 }
 
 // two tests, which run side by side
@@ -249,6 +271,7 @@ fn the_other_cases_end_in_the_same_state_in_all_modes() {
 
 fn check_cases(files: impl ExactSizeIterator<Item = PathBuf>) {
     assert!(files.len() > 100, "the cases are found");
+    let mut shared = 0;
     for file in files {
         let started = std::time::Instant::now();
         // the coarsest that the case's regions, sources and probes allow
@@ -266,13 +289,14 @@ fn check_cases(files: impl ExactSizeIterator<Item = PathBuf>) {
             continue;
         };
         let folder = tempfile::tempdir().expect("a folder for logs");
-        check(&file, &mut case, folder.path());
+        shared += usize::from(check(&file, &mut case, folder.path()));
         println!(
             "{}: spacing x {factor}, {:.1?}",
             file.display(),
             started.elapsed()
         );
     }
+    assert!(shared > 5, "processes share some of the cases: {shared}");
 }
 
 /// What the program prints.

@@ -1,9 +1,8 @@
 //! A run that several processes share has the bits of a run of one process. Here processes are threads of the test.
 
-use std::sync::Arc;
-
 use perimelt::case::Case;
-use perimelt_core::transport::{Memory, Processes};
+use perimelt_core::transport::Processes;
+use perimelt_tests::in_processes;
 
 /// A moving arc on a plate with a hole that melts, with convection, radiation, a flux and a held temperature.
 const WELD: &str = r#"
@@ -110,27 +109,11 @@ fn run(text: &str, until: f64, start: Option<&[u8]>, processes: Processes) -> Op
 
 /// [`run`] in some threads.
 fn run_in(count: usize, text: &str, until: f64, start: Option<&[u8]>) -> End {
-    if count == 1 {
-        return run(text, until, start, Processes::ALONE).expect("one process");
-    }
-    std::thread::scope(|scope| {
-        let start_process = |process: Memory| {
-            let processes = Processes::new(Arc::new(process));
-            scope.spawn(move || run(text, until, start, processes))
-        };
-        let threads: Vec<_> = Memory::processes(count)
-            .into_iter()
-            .map(start_process)
-            .collect();
-        let ends = threads
-            .into_iter()
-            .map(|thread| thread.join().expect("no panic"));
-        let ends: Vec<Option<End>> = ends.collect();
-        ends.into_iter()
-            .flatten()
-            .next()
-            .expect("the first process")
-    })
+    let ends = in_processes(count, |processes| run(text, until, start, processes));
+    ends.into_iter()
+        .flatten()
+        .next()
+        .expect("the first process")
 }
 
 #[test]
@@ -161,21 +144,13 @@ fn a_run_goes_on_with_another_number_of_processes() {
 #[test]
 fn what_processes_cannot_share_is_refused() {
     let refusal = |text: &str| {
-        let compose = |process: Memory| {
+        let told = in_processes(2, |processes| {
             let case = Case::parse("case.toml", text.into(), ".".as_ref()).expect("valid");
-            let composed = case.compose_shared(Processes::new(Arc::new(process)));
+            let composed = case.compose_shared(processes);
             composed.err().expect("refused").render(false)
-        };
-        std::thread::scope(|scope| {
-            let start = |process| scope.spawn(move || compose(process));
-            let threads: Vec<_> = Memory::processes(2).into_iter().map(start).collect();
-            let told = threads
-                .into_iter()
-                .map(|thread| thread.join().expect("no panic"));
-            let told: Vec<String> = told.collect();
-            assert_eq!(told[0], told[1], "a mistake of all");
-            told[0].clone()
-        })
+        });
+        assert_eq!(told[0], told[1], "a mistake of all");
+        told[0].clone()
     };
     let weld = WELD.replace("HORIZON", "1");
     let changed = |right: &str, wrong: &str| {
