@@ -119,8 +119,17 @@ impl TensionLaw {
         }
     }
 
-    /// At a temperature (K), N/m.
+    /// At a temperature (K), N/m. Zero from the temperature on at which a law falls to it, as above a critical temperature.
     pub fn value(&self, temperature: f64) -> f64 {
+        self.unbounded(temperature).max(0.0)
+    }
+
+    /// Whether the tension itself is known, not its slope alone.
+    fn has_value(&self) -> bool {
+        !matches!(self.law, SurfaceTension::Slope(_)) || self.reference_temperature > 0.0
+    }
+
+    fn unbounded(&self, temperature: f64) -> f64 {
         match self.law {
             SurfaceTension::Material => self.property.with_slope(temperature).0,
             SurfaceTension::Slope(slope) => {
@@ -136,6 +145,9 @@ impl TensionLaw {
 
     /// Derivative by the temperature at a temperature (K), N/(m K).
     pub fn slope(&self, temperature: f64) -> f64 {
+        if self.has_value() && self.unbounded(temperature) <= 0.0 {
+            return 0.0;
+        }
         match self.law {
             SurfaceTension::Material => self.property.with_slope(temperature).1,
             SurfaceTension::Slope(slope) => slope,

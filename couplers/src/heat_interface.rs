@@ -139,7 +139,11 @@ impl Side {
 
     /// Distance of the surface from the point of a cell, m.
     fn depth(&self, world: &World, cell: &SurfaceCell) -> f64 {
-        let depth = world.surface_depth(self.body)[cell.face as usize] * cell.cosine();
+        let depth = world.surface_depths(self.body).at(
+            world.body(self.body),
+            cell.point as usize,
+            cell.face,
+        ) * cell.cosine();
         depth.max(LEAST_DEPTH) * world.body(self.body).points.spacing[cell.point as usize]
     }
 

@@ -59,7 +59,7 @@ impl Case {
         let mut found: Vec<String> = of_plugins
             .map(|w| format!("{}: {}", w.plugin, w.message))
             .collect();
-        let bodies = simulation.world().bodies();
+        let bodies = simulation.observed().bodies();
         let lowest: Vec<Option<f64>> = (0..bodies.len())
             .map(|body| provided_temperature(simulation, body))
             .collect();

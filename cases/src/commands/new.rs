@@ -43,7 +43,7 @@ pub fn run(args: &NewArgs) -> Done {
     };
     // benchmarks are templates, too, though too many to list
     let Some(template) = BENCHMARKS.iter().find(|b| b.name == name) else {
-        let close = nearest(name, processes().map(|b| b.name)).map(String::from);
+        let close = nearest(name, BENCHMARKS.iter().map(|b| b.name)).map(String::from);
         let name = name.clone();
         return Err(NewError::Unknown { name, close }.into());
     };

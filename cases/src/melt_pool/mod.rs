@@ -21,10 +21,14 @@
 //!
 //! Where there are several pools, it is the one around the hottest point; the volume is that of all.
 
+use std::cell::Ref;
+
+use perimelt_core::log::LoggedCloud;
 use perimelt_core::world::activity::is_active;
-use perimelt_core::{Body, Face, SetupError, World};
+use perimelt_core::{Body, Face, SetupError, World, keys};
 
 use crate::cell_grid::CellGrid;
+use crate::quantity::scalar::scalar;
 use cells::CellValues;
 use depth::Region;
 pub(crate) use directions::LoggedSources;
@@ -82,6 +86,17 @@ impl MeltPool {
     pub fn length(&self) -> f64 {
         self.front - self.rear
     }
+}
+
+/// By point, whether there is metal that may melt ([`is_active`]): material that has been deposited, or the first of two fluids. `None` where
+/// there is everywhere.
+pub(crate) fn metal(world: &World, body: usize) -> Option<Ref<'_, [f64]>> {
+    let fraction = || {
+        let fields = world.fields();
+        let index = fields.find(body, &keys::FLUID_FRACTION.name)?;
+        Some(Ref::map(fields.field(index).data(), |data| data.flat()))
+    };
+    world.activity(body).or_else(fraction)
 }
 
 /// Measures the melt pool of one body, see the [module](self): the only such measurement, used by
@@ -147,16 +162,27 @@ impl MeltPoolGauge {
         self.measure_present(temperature, None, aim)
     }
 
-    /// [`MeltPoolGauge::measure`] for a body whose points have material where `activity` says so.
+    /// [`MeltPoolGauge::measure`] for a logged state, without the second of two fluids where the log has their fractions.
+    pub(crate) fn measure_logged(
+        &self,
+        cloud: &LoggedCloud,
+        temperature: &[f64],
+        aim: Aim<'_>,
+    ) -> Option<MeltPool> {
+        let fraction = scalar(cloud, &keys::FLUID_FRACTION.name);
+        self.measure_present(temperature, fraction.as_ref().map(|f| &f.values[..]), aim)
+    }
+
+    /// [`MeltPoolGauge::measure`] for a body whose points have metal where `metal` says so ([`metal`]).
     #[must_use]
     pub fn measure_present(
         &self,
         temperature: &[f64],
-        activity: Option<&[f64]>,
+        metal: Option<&[f64]>,
         aim: Aim<'_>,
     ) -> Option<MeltPool> {
         let grid = &self.grid;
-        let is_there = |point: usize| activity.is_none_or(|a| is_active(a[point]));
+        let is_there = |point: usize| metal.is_none_or(|a| is_active(a[point]));
         let there = || {
             let points = temperature.iter().enumerate();
             points.filter(|(p, _)| is_there(*p)).map(|(_, t)| *t)
@@ -176,7 +202,7 @@ impl MeltPoolGauge {
                 copies: 1.0,
             });
         }
-        let values = match activity {
+        let values = match metal {
             None => grid.by_cell(temperature),
             Some(_) => {
                 let points = temperature.iter().enumerate();

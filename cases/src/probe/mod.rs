@@ -7,7 +7,7 @@ use perimelt_core::world::activity::is_active;
 use perimelt_core::{Axis, Body, SetupError, Simulation, World};
 
 use crate::component::Component;
-use crate::melt_pool::{Aim, Directions, MeltPoolGauge, SourceState};
+use crate::melt_pool::{Aim, Directions, MeltPoolGauge, SourceState, metal};
 
 pub mod interpolation;
 mod section;
@@ -195,11 +195,11 @@ impl Probe {
             }
             Quantity::MeltPool(field, pool) => {
                 let data = world.fields().field(*field).data();
-                let activity = world.activity(self.body);
+                let metal = metal(world, self.body);
                 // the gauge has the initial position of the body
                 let shift: [f64; 3] = world.window_shift(self.body).into();
                 let sources: Vec<_> = sources.iter().map(|s| s.seen_from(shift)).collect();
-                pool.measure(data.flat(), activity.as_deref(), &sources)
+                pool.measure(data.flat(), metal.as_deref(), &sources)
             }
         }
     }
@@ -351,18 +351,18 @@ impl PoolProbe {
 
     /// Length, width and depth (m), and volume (m³) of the region above the isotherm: zero
     /// while there is none, and along axes that the body does not have.
-    /// Points without material do not count.
+    /// Points without metal do not count.
     fn measure(
         &self,
         temperature: &[f64],
-        activity: Option<&[f64]>,
+        metal: Option<&[f64]>,
         sources: &[SourceState],
     ) -> Vec<f64> {
         let aim = Aim {
             sources: if self.is_fixed { &[] } else { sources },
             otherwise: self.otherwise,
         };
-        let Some(pool) = self.gauge.measure_present(temperature, activity, aim) else {
+        let Some(pool) = self.gauge.measure_present(temperature, metal, aim) else {
             return vec![0.0; 4];
         };
         let (width, depth) = (pool.width.unwrap_or(0.0), pool.depth.unwrap_or(0.0));

@@ -144,7 +144,8 @@ pub(crate) fn survey(
                 ..Aim::fixed(travel)
             };
             let gauge = reference.gauge(body, &cloud, isotherm);
-            let pool = gauge.and_then(|gauge| gauge.measure(&temperature.values, aim));
+            let pool =
+                gauge.and_then(|gauge| gauge.measure_logged(&cloud, &temperature.values, aim));
             survey.pools.push(SurveyedPool {
                 time: cloud.time,
                 pool,

@@ -1,7 +1,7 @@
 //! Summary of a run in a few sentences: energies of heat sources and the highest logged temperature.
 
-use perimelt_core::Simulation;
 use perimelt_core::material::Material;
+use perimelt_core::{Report, Simulation};
 
 use crate::tables;
 use crate::unit;
@@ -90,6 +90,11 @@ impl RunOutcome {
         warnings: &mut Vec<String>,
     ) {
         let fields = simulation.observed().fields();
+        let evaporates = |r: &Report| r.name == "evaporated.rate";
+        let all = simulation.reports();
+        let is_evaporation_modelled = all
+            .iter()
+            .any(|(_, reports)| reports.iter().any(evaporates));
         let bodies = simulation.observed().bodies().iter().enumerate();
         for ((index, body), peak) in bodies.zip(&self.peaks) {
             let Some(peak) = peak else {
@@ -118,7 +123,7 @@ impl RunOutcome {
                     body.name
                 ));
             }
-            if let Some(boiling) = boiling.filter(|b| peak > b) {
+            if let Some(boiling) = boiling.filter(|b| peak > b && !is_evaporation_modelled) {
                 let boiling = unit::number(boiling, 5);
                 warnings.push(format!(
                     "{}: the highest temperature is above that of boiling, {boiling} K, and evaporation is not modelled",
@@ -156,9 +161,14 @@ fn source_energies(simulation: &Simulation, facts: &mut Vec<String>, warnings: &
                 true => String::new(),
                 false => format!(" until {} s", unit::number(simulation.time(), 4)),
             };
+            let is_column = reports.iter().any(|r| r.name == "depth");
+            let through = match is_column {
+                true => ", or the other side of the body through a keyhole or an interface",
+                false => "",
+            };
             warnings.push(format!(
                 "{label}: {percent} % of the energy was lost beside the body{until}: the source reaches cells without material, \
-                 or a surface that curves away from its plane"
+                 or a surface that curves away from its plane{through}"
             ));
         }
     }

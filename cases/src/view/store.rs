@@ -244,7 +244,8 @@ impl Store {
                     ..Aim::fixed(travel)
                 };
                 let gauge = reference.gauge(body, &cloud, isotherm);
-                let pool = gauge.and_then(|gauge| gauge.measure(&temperature.values, aim));
+                let pool =
+                    gauge.and_then(|gauge| gauge.measure_logged(&cloud, &temperature.values, aim));
                 pools.push((cloud.time, pool));
             }
         }

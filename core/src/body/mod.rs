@@ -13,6 +13,7 @@ mod interpolate;
 mod lattice;
 mod layers;
 mod outline;
+mod overlap;
 mod part;
 pub(crate) mod partition;
 mod table;

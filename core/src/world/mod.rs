@@ -156,10 +156,43 @@ impl Fact for FaceTension {
     }
 }
 
-/// Distances of the surface of a body from its outermost points by direction ([`Face::ALL`]), in spacings, as the sums over
-/// families make them for the field that is exchanged through the surface.
+/// Distance of the surface of a body from its outermost points, in spacings, as the sums over families make it for the field that is
+/// exchanged through the surface.
 #[derive(Clone, Copy, Debug)]
-pub struct SurfaceDepths(pub [f64; 6]);
+pub struct SurfaceDepths {
+    /// Where no points are mirrored behind the surface.
+    pub bare: f64,
+    /// Where points are, at faces of the box around the body.
+    pub mirrored: f64,
+    /// Whether points are mirrored behind each face ([`Face::ALL`]).
+    pub is_mirrored: [bool; 6],
+}
+
+impl Default for SurfaceDepths {
+    fn default() -> Self {
+        SurfaceDepths {
+            bare: 0.5,
+            mirrored: 0.5,
+            is_mirrored: [false; 6],
+        }
+    }
+}
+
+impl SurfaceDepths {
+    /// At a cell face of a point. Behind a step or the wall of a hole nothing is mirrored, whichever way it faces.
+    pub fn at(&self, body: &Body, point: usize, face: Face) -> f64 {
+        let lies_in_face = || {
+            let axis = face.axis();
+            let place = body.points.position[point][axis];
+            let from_face = (body.face_position(face) - place).abs();
+            (from_face - body.face_distance(point, face)).abs() < 0.25 * body.width(point, axis)
+        };
+        match self.is_mirrored[face as usize] && lies_in_face() {
+            true => self.mirrored,
+            false => self.bare,
+        }
+    }
+}
 
 impl Fact for SurfaceDepths {}
 
@@ -307,11 +340,12 @@ impl World {
         self.fact::<Rigid>(body).is_some()
     }
 
-    /// Distances of the surface of a body from its outermost points by direction ([`Face::ALL`]), in spacings: over these an
-    /// exchanged field changes from its value at a point to that of the surface before it.
-    pub fn surface_depth(&self, body: BodyIndex) -> [f64; 6] {
-        let depths = self.fact::<SurfaceDepths>(body);
-        depths.map_or([0.5; 6], |depths| depths.0)
+    /// Distance of the surface of a body from its outermost points: over it an exchanged field changes from its value at a
+    /// point to that of the surface before it.
+    pub fn surface_depths(&self, body: BodyIndex) -> SurfaceDepths {
+        self.fact::<SurfaceDepths>(body)
+            .copied()
+            .unwrap_or_default()
     }
 
     /// Faces of a body that are planes of symmetry.

@@ -108,6 +108,15 @@ impl Coupler for Wall {
             let message = "`layer` applies to walls without slip only";
             return Err(SetupError::value("layer", message, "`kind = \"no_slip\"`"));
         }
+        if self.kind == WallKind::Slip && self.velocity != [0.0; 3] {
+            let message =
+                "the fluid slides along the wall without friction, whether the wall moves or not";
+            return Err(SetupError::value(
+                "velocity",
+                message,
+                "`kind = \"no_slip\"`, or no `velocity`",
+            ));
+        }
         let mut layers = Vec::new();
         for &face in &self.faces {
             let across = self.velocity[face.axis()];

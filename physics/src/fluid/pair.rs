@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use perimelt_core::family::LayerRule;
 use perimelt_core::law::Law;
 use perimelt_core::material::Property;
-use perimelt_core::numbers::{check_at_least, check_positive};
+use perimelt_core::numbers::{check_at_least, check_positive, check_within};
 use perimelt_core::world::{BodyIndex, ContactAngle, WallPlace};
 use perimelt_core::{Body, Face, Setup, SetupError, SurfaceTension, TensionLaw};
 use schemars::JsonSchema;
@@ -38,6 +38,9 @@ pub struct Interface {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub reference_temperature: Option<f64>,
 }
+
+/// Widths of an interface, in spacings: points resolve no thinner one, and a wider one is no interface on the scale of the points.
+const WIDTHS: [f64; 2] = [0.5, 3.0];
 
 /// Usual width of an interface, in spacings.
 const WIDTH: f64 = 0.75;
@@ -152,7 +155,8 @@ impl FluidPair {
         setup: &mut Setup<'_>,
         body: BodyIndex,
     ) -> Result<PreparedPair, SetupError> {
-        check_positive("interface.width", keys.interface.width, "")?;
+        let width = keys.interface.width.unwrap_or(WIDTH);
+        check_within("interface.width", width, WIDTHS[0], WIDTHS[1])?;
         need(
             keys.viscosity.is_none_or(|law| law.name == "newtonian"),
             "viscosity",
@@ -175,6 +179,22 @@ impl FluidPair {
         )?;
         let this = setup.body(body);
         let material = [index(this, first)?, index(this, second)?];
+        let others = &mut this
+            .material_of_point
+            .iter()
+            .filter(|m| !material.contains(m));
+        if let Some(other) = others.next() {
+            let other = this.materials[*other as usize].name();
+            let message = format!(
+                "points of body `{}` are of a third material, `{other}`",
+                this.name
+            );
+            return Err(SetupError::value(
+                "fluids",
+                message,
+                "regions of the two fluids only",
+            ));
+        }
         let densities = setup.world().reference_densities(body)?;
         let viscosities = setup.world().property(body, "viscosity")?;
         let viscosity = |n: usize| {
@@ -195,7 +215,7 @@ impl FluidPair {
             density: material.map(|m| densities[m as usize]),
             viscosity,
             surface_tension,
-            width: keys.interface.width.unwrap_or(WIDTH),
+            width,
             angles: match surface_tension > 0.0 {
                 true => setup.facts(body).copied().collect(),
                 false => Vec::new(),

@@ -32,10 +32,12 @@ impl FluidRun {
     }
 
     pub(super) fn reports(&self) -> Vec<Report> {
-        let mut all = vec![
-            Report::new("energy.kinetic", "J", self.kinetic_energy),
-            Report::new("density.deviation", "1", self.density_deviation),
-        ];
+        let mut all = vec![Report::new("energy.kinetic", "J", self.kinetic_energy)];
+        // a fluid that keeps its volume has the densities of its mixtures
+        if self.points.projection().is_none() {
+            let deviation = Report::new("density.deviation", "1", self.density_deviation);
+            all.push(deviation);
+        }
         all.extend(self.interface.iter().flat_map(InterfaceReport::reports));
         all.extend(self.points.walls().into_iter().flat_map(Walls::reports));
         all

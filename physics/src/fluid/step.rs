@@ -159,6 +159,7 @@ impl FluidRun {
             family: self.points.rates().family(),
             volume,
             material: &world.body(self.body).material_of_point,
+            rules: &world.layer_rules(self.fields.velocity_layers),
         };
         let mut velocity = world.write(self.fields.velocity);
         let mut density = world.write(self.fields.density);

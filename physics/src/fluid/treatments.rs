@@ -4,6 +4,7 @@
 //! opposite amounts.
 
 use nalgebra::{Matrix4, Vector3, Vector4};
+use perimelt_core::family::{ByRules, LayerRule, Mirrored};
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
@@ -32,12 +33,22 @@ pub(super) struct Around<'a> {
 }
 
 /// Neighbours among which fields are smoothed.
+#[derive(Clone, Copy)]
 pub(super) struct Neighbours<'a> {
     pub(super) family: &'a Family,
     /// m³.
     pub(super) volume: &'a [f64],
     /// Of each point: nothing is smoothed from one material to another.
     pub(super) material: &'a [u16],
+    /// Of the velocity behind faces: symmetric images are neighbours, others are not.
+    pub(super) rules: &'a [LayerRule],
+}
+
+/// Whether a layer is the mirror image of the flow.
+fn is_symmetric(rule: &LayerRule) -> bool {
+    let mirrored = |axis: usize| if axis == rule.face.axis() { -1.0 } else { 1.0 };
+    let bare = rule.offset == [0.0; 3] && rule.values.is_none() && rule.traction.is_none();
+    bare && (0..3).all(|axis| rule.scale[axis] == mirrored(axis))
 }
 
 /// The treatments with their work arrays.
@@ -48,6 +59,8 @@ pub(super) struct Treatments {
     sums: Vec<f64>,
     crowding: Vec<[f64; 6]>,
     smooth: Vec<Vector4<f64>>,
+    /// By slot: velocity (m/s), density (kg/m³), and the number of the material from one; zero where there is no neighbour.
+    fields: [SlotField; 5],
 }
 
 /// Sum of the distances of the neighbours (m), their number, `sum_j xi / |xi|^3` (1/m²), `sum w` (1/m).
@@ -99,6 +112,7 @@ impl Treatments {
             sums: Vec::new(),
             crowding: Vec::new(),
             smooth: Vec::new(),
+            fields: Default::default(),
         }
     }
 
@@ -221,8 +235,34 @@ impl Treatments {
         }
     }
 
-    /// Velocity (m/s) and density (kg/m³) by moving least squares over points and their neighbours, without images (Gao
-    /// (2020), eqs. 5.111 to 5.114; eq. 5.114c lacks the volumes), among points of one material. Points with too few neighbours keep their values.
+    fn load_neighbours(
+        &mut self,
+        neighbours: Neighbours<'_>,
+        velocity: &[Vector3<f64>],
+        density: &[f64],
+    ) {
+        let Neighbours {
+            family,
+            material,
+            rules,
+            ..
+        } = neighbours;
+        let counted = |rule: &LayerRule| LayerRule {
+            scale: [f64::from(u8::from(is_symmetric(rule))); 3],
+            ..LayerRule::even(rule.face)
+        };
+        let counted: Vec<LayerRule> = rules.iter().map(counted).collect();
+        let [along @ .., rho, kind] = &mut self.fields;
+        for (axis, slots) in along.iter_mut().enumerate() {
+            slots.load(family, |i: usize| velocity[i][axis], ByRules(rules, axis));
+        }
+        rho.load(family, density, Mirrored::Scalar);
+        let number = |i: usize| f64::from(material[i]) + 1.0;
+        kind.load(family, number, ByRules(&counted, 0));
+    }
+
+    /// Velocity (m/s) and density (kg/m³) by moving least squares over points and their neighbours (Gao
+    /// (2020), eqs. 5.111 to 5.114; eq. 5.114c lacks the volumes) of one material, with symmetric images. Points with too few neighbours keep their values.
     pub(super) fn smooth(
         &mut self,
         neighbours: Neighbours<'_>,
@@ -233,12 +273,13 @@ impl Treatments {
             family,
             volume,
             material,
+            ..
         } = neighbours;
         let dimension = self.dimension;
-        let same = |slot: usize, point: usize| {
-            let other = family.point_in(slot)?;
-            (material[other] == material[point]).then_some(other)
-        };
+        self.load_neighbours(neighbours, velocity, density);
+        let [x, y, z, rho, kind] = &self.fields;
+        let in_slot = |slot: usize| Vector4::new(x[slot], y[slot], z[slot], rho[slot]);
+        let is_same = |slot: usize, point: usize| kind[slot] == f64::from(material[point]) + 1.0;
         let at = |point: usize| {
             let own = self.complete.own_weight * volume[point];
             let mut moments = Matrix4::zeros();
@@ -246,7 +287,7 @@ impl Treatments {
             // axes that a plane body does not have
             (dimension..3).for_each(|a| moments[(a + 1, a + 1)] = 1.0);
             family.for_each_bond(point, |_, bond, slot| {
-                if same(slot, point).is_some() {
+                if is_same(slot, point) {
                     let p = Vector4::new(1.0, bond.xi[0], bond.xi[1], bond.xi[2]);
                     moments += bond.weight * p * p.transpose();
                 }
@@ -259,9 +300,9 @@ impl Treatments {
             };
             let mut sum = own * weights[0] * value(point);
             family.for_each_bond(point, |_, bond, slot| {
-                if let Some(other) = same(slot, point) {
+                if is_same(slot, point) {
                     let p = Vector4::new(1.0, bond.xi[0], bond.xi[1], bond.xi[2]);
-                    sum += bond.weight * p.dot(&weights) * value(other);
+                    sum += bond.weight * p.dot(&weights) * in_slot(slot);
                 }
             });
             sum
@@ -277,7 +318,6 @@ mod tests {
     use super::*;
     use perimelt_core::FamilySpec;
     use perimelt_core::body::Store;
-    use perimelt_core::family::Mirrored;
     use perimelt_core::{Horizon, Influence, PartialVolume, Pddo};
 
     use crate::testing::block;
@@ -319,6 +359,7 @@ mod tests {
                 family: &family,
                 volume,
                 material: &body.material_of_point,
+                rules: &[],
             };
             let smooth = treatments.smooth(neighbours, &velocity, &density);
             for point in [centre, centre + 1] {

@@ -120,6 +120,13 @@ impl Physics for MeltFlow {
         let faces = self.surface.map_or(Vec::new(), |surface| surface.faces);
         let mut slips = [false; 6];
         let symmetry = setup.world().symmetry(body);
+        if let Some(face) = faces.iter().find(|face| symmetry.contains(face)) {
+            let message = format!(
+                "face `{}` is a plane of symmetry, where the melt has no surface",
+                face.name()
+            );
+            return Err(SetupError::value("surface.faces", message, "other faces"));
+        }
         for face in faces.iter().chain(&symmetry) {
             slips[*face as usize] = true;
         }

@@ -234,16 +234,16 @@ fn prepare_surface(
     let exchanges: Vec<Rc<Exchange>> = setup.facts(body).cloned().collect();
     let is_exchanged = !exchanges.is_empty() || has_conductance;
     let depth = match is_exchanged && conduction.is_by_bonds() && edges.is_none() {
-        false => [0.5; 6],
+        false => SurfaceDepths::default(),
         true => {
             let family = setup.world().family(family);
             surface_depth::depths(setup.body(body), &family)
         }
     };
-    setup.publish(body, SurfaceDepths(depth))?;
+    setup.publish(body, depth)?;
     let distances = match edges {
         Some(edges) => SurfaceDistances::Layers(edges),
-        None => SurfaceDistances::Directions(depth),
+        None => SurfaceDistances::Bonds(depth),
     };
     Surface::new(exchanges, distances)
         .map(|surface| surface.with_surroundings(setup))

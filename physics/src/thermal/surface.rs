@@ -9,12 +9,13 @@
 //!
 //! with the temperature T and the conductivity k of the point and the spacing s. All boundaries that act on a cell face share
 //! its temperature. For bonds between nearest neighbours delta is a half; longer bonds, and those corrected at bare surfaces, shift the
-//! temperature of the outermost points, which [`depths`](super::surface_depth::depths) finds from the family. Plies conduct by the
+//! temperature of the outermost points, which [`depths`](super::surface_depth::depths) find from the family. Plies conduct by the
 //! conductivity along the normal, over the distance of their stations from the upper and the lower side.
 
 use std::rc::Rc;
 
 use perimelt_core::solver::{ExactSum, Reducer};
+use perimelt_core::world::SurfaceDepths;
 use perimelt_core::world::exchange::{Exchange, SurfaceDepth, SurfaceLaw};
 use perimelt_core::{Body, Face};
 use rayon::prelude::*;
@@ -52,8 +53,8 @@ pub(super) struct Surface {
 /// Distances of the surface from its points.
 #[derive(Debug)]
 pub(super) enum SurfaceDistances {
-    /// By direction, in spacings.
-    Directions([f64; 6]),
+    /// Those that follow from the bonds.
+    Bonds(SurfaceDepths),
     /// By layer and material, those of edges across x and y, in spacings; the others are those of the stations.
     Layers(Vec<Vec<[f64; 2]>>),
 }
@@ -62,7 +63,7 @@ impl SurfaceDistances {
     /// Of a cell face of a point with this cosine ([`SurfaceCell::cosine`](perimelt_core::body::SurfaceCell::cosine)), m.
     fn of(&self, body: &Body, point: usize, face: Face, cosine: f64) -> f64 {
         let spacings = match (self, body.layers()) {
-            (SurfaceDistances::Directions(depth), _) => depth[face as usize],
+            (SurfaceDistances::Bonds(depths), _) => depths.at(body, point, face),
             (SurfaceDistances::Layers(edges), Some(layers)) if face.axis() < 2 => {
                 let material = body.material_of_point[point] as usize;
                 edges[layers.place(point).0][material][face.axis()]

@@ -4,12 +4,13 @@
 //! outermost points it deviates from that line by `c q s / k`, since longer bonds reach beyond them, and bonds at bare
 //! surfaces are corrected. The temperature of the surface follows from that of the outermost points as over a distance
 //! `d = (1/2 - c) s`. The deviation c solves the equations of the bonds of one column of points in a half space, whose family is
-//! that of the body, for a uniform flux and a linear temperature below. It is the same for all faces with, and for all without
+//! that of the body, for a uniform flux and a linear temperature below. It is the same for all surfaces with, and for all without
 //! mirrored points behind them, whatever the thickness and the shape of the body.
 
 use nalgebra::{DMatrix, DVector};
 use perimelt_core::family::{FamilySpec, Mirrored};
 use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::world::SurfaceDepths;
 use perimelt_core::{Body, Face, Family, SlotField};
 
 use super::conduction::coefficient;
@@ -20,25 +21,25 @@ pub(super) const DEVIATING: usize = 4;
 /// Layers of the half space, in reaches of the family.
 pub(super) const DEEP: usize = 8;
 
-/// Distances of the surface from the outermost points by direction, in spacings; half a spacing where the points are not on a lattice.
-pub(super) fn depths(body: &Body, family: &Family) -> [f64; 6] {
+/// Distance of the surface from the outermost points; half a spacing where the points are not on a lattice.
+pub(super) fn depths(body: &Body, family: &Family) -> SurfaceDepths {
     if body.lattice().is_none() {
-        return [0.5; 6];
+        return SurfaceDepths::default();
     }
     let depth = |is_mirrored: bool| {
         let deviation = deviation(body, family.spec(), is_mirrored);
         // a family so long that the outermost points are warmer than the surface
         deviation.map_or(0.5, |c| (0.5 - c).clamp(0.0, 1.5))
     };
-    let faces = Face::ALL.into_iter().filter(|f| f.axis() < body.dimension);
-    let is_mirrored = |face: Face| family.spec().layers.contains(&face);
-    let mut by_kind = [None; 2];
-    let mut depths = [0.5; 6];
-    for face in faces {
-        let kind = &mut by_kind[usize::from(is_mirrored(face))];
-        depths[face as usize] = *kind.get_or_insert_with(|| depth(is_mirrored(face)));
+    let is_mirrored = Face::ALL.map(|face| family.spec().layers.contains(&face));
+    SurfaceDepths {
+        bare: depth(false),
+        mirrored: match is_mirrored.contains(&true) {
+            true => depth(true),
+            false => 0.5,
+        },
+        is_mirrored,
     }
-    depths
 }
 
 /// The deviation c of the outermost points of a half space whose surface is at x+, with mirrored points behind it or without.

@@ -373,7 +373,9 @@ fn thin_walls_have_the_resistances_of_thick_ones() {
             wall.run(1.0, 1);
             let run = &wall.physics;
             let family = wall.world.family(run.family);
-            let depth = depths(wall.world.body(0), &family)[Face::XMax as usize] * spacing;
+            let body = wall.world.body(0);
+            let last = body.points.len() - 1;
+            let depth = depths(body, &family).at(body, last, Face::XMax) * spacing;
             let points = wall.world.body(0).points.position.iter();
             let outermost = points
                 .zip(wall.temperature())
@@ -412,7 +414,8 @@ fn the_surface_lies_where_the_linear_temperature_below_meets_it() {
         let expected = (surface - t[39]) / slope;
         let run = &wall.physics;
         let family = wall.world.family(run.family);
-        let found = depths(wall.world.body(0), &family)[Face::XMax as usize];
+        let body = wall.world.body(0);
+        let found = depths(body, &family).at(body, 39, Face::XMax);
         assert!(
             (found - expected).abs() < 2e-3,
             "horizon {horizon}, {surfaces}: {found} {expected}"

@@ -8,7 +8,7 @@ use perimelt_core::world::activity::is_active;
 use perimelt_core::{Body, Simulation, World};
 
 use crate::component::Component;
-use crate::melt_pool::{Aim, MeltPoolGauge, Travel, sources_of};
+use crate::melt_pool::{Aim, MeltPoolGauge, Travel, metal, sources_of};
 use crate::probe::interpolation::Weights;
 use crate::probe::{Probe, largest};
 use crate::verify::check::{DeviationMeasure, Extent, Extreme, Norm, PassingMeasure};
@@ -253,7 +253,7 @@ fn pool_extent(
 ) -> Option<f64> {
     let world = simulation.world();
     let field = world.fields().field(temperature);
-    let (temperature, activity) = (field.data(), world.activity(field.body));
+    let (temperature, metal) = (field.data(), metal(world, field.body));
     // the gauge has the initial position of the body
     let shift = world.window_shift(field.body);
     let sources = sources_of(simulation);
@@ -262,7 +262,7 @@ fn pool_extent(
         sources: &sources,
         ..Aim::fixed(Travel::X)
     };
-    let pool = gauge.measure_present(temperature.flat(), activity.as_deref(), aim)?;
+    let pool = gauge.measure_present(temperature.flat(), metal.as_deref(), aim)?;
     let along = shift.dot(&Vector3::from(pool.travel));
     match extent {
         Extent::Rear => Some(pool.rear + along),

@@ -156,6 +156,12 @@ impl SourceShape for SuperGaussian {
             let expected = "`fluids` of the physics `fluid`, or another `penetration`";
             return Err(SetupError::value("penetration", message, expected));
         }
+        if fluids.is_some() && !heats_interface {
+            let name = &setup.body(body).name;
+            let message =
+                format!("two fluids flow through body `{name}`, whose interface absorbs a beam");
+            return Err(SetupError::value("penetration", message, "\"interface\""));
+        }
         if self.absorptivity.is_some() {
             return Ok(());
         }
@@ -199,15 +205,22 @@ impl SourceShape for SuperGaussian {
             return Err(SetupError::value("reflections", message, expected));
         }
         let footprint = Footprint::super_gaussian(radius, order);
+        if let Some(absorber) = self.absorber() {
+            if grid.is_thickness(self.sampled.heated_surface.face.axis()) {
+                let message = match absorber {
+                    Absorber::Interface => {
+                        "a plate (2D) has no depth in which the beam could meet an interface"
+                    }
+                    Absorber::Keyhole => "a plate (2D) has no depth in which a keyhole could grow",
+                };
+                let expected = "a 3D body, or `heated_surface.face` in the plane";
+                return Err(SetupError::value("penetration", message, expected));
+            }
+            return self.columns(absorber, footprint);
+        }
         let depth = match self.penetration {
-            Penetration::Interface => return self.columns(Absorber::Interface, footprint),
-            Penetration::Keyhole => {
-                if grid.is_thickness(self.sampled.heated_surface.face.axis()) {
-                    let message = "a plate (2D) has no depth in which a keyhole could grow";
-                    let expected = "a 3D body, or `heated_surface.face` in the plane";
-                    return Err(SetupError::value("penetration", message, expected));
-                }
-                return self.columns(Absorber::Keyhole, footprint);
+            Penetration::Interface | Penetration::Keyhole => {
+                unreachable!("it is absorbed by columns")
             }
             Penetration::Exponential => DepthProfile::Exponential {
                 length: self.depth()?,

@@ -229,6 +229,7 @@ fn smoothing_leaves_linear_fields_as_they_are() {
         family: &family,
         volume: &body.points.volume,
         material: &material,
+        rules: &[],
     };
     let smooth = treatments.smooth(neighbours(), &velocity, &density);
     for (i, smooth) in smooth.iter().enumerate() {

@@ -39,8 +39,8 @@ use nalgebra::Vector3;
 use perimelt_core::family::{ForeignBond, ForeignBonds, Places};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Access, BondKernel, Configuration, FamilySpec, Read, Report, Setup, SetupError, Wall, World,
-    Write, keys,
+    Access, Body, BondKernel, Configuration, FamilySpec, Read, Report, Setup, SetupError, Wall,
+    World, Write, keys,
 };
 
 use super::eulerian::immersed::Immersed;
@@ -97,6 +97,20 @@ pub(super) struct WallPoint {
     pub(super) compression: f64,
 }
 
+/// Refuses a fluid at the place of another body.
+fn check_apart(fluid: &Body, wall: &Body) -> Result<(), SetupError> {
+    let Some(point) = fluid.first_inside(wall) else {
+        return Ok(());
+    };
+    let [x, y, z] = fluid.points.position[point].into();
+    let message = format!(
+        "point ({x:.3e}, {y:.3e}, {z:.3e}) m of body `{}` lies inside body `{}`",
+        fluid.name, wall.name
+    );
+    let expected = "shapes that do not overlap, such as a `shape.difference`";
+    Err(SetupError::value("body", message, expected))
+}
+
 impl Walls {
     /// Prepares the walls that couplers gave to a body, with families as `spec` says.
     pub(super) fn prepare(
@@ -111,6 +125,7 @@ impl Walls {
             let density = setup.world().density_at_points(body)?;
             let heaviest = density.into_iter().fold(0.0, f64::max);
             let solid = setup.body(wall.other);
+            check_apart(setup.body(body), solid)?;
             let density = setup.world().density_at_points(wall.other)?;
             let mass = density.iter().zip(&solid.points.volume);
             bodies.push(WallBody {

@@ -19,6 +19,9 @@ pub(super) struct PressureSolver {
     slots: SlotField,
 }
 
+/// Excess of a fluid at rest, 1/s, whose speed is too small for a tolerance.
+const AT_REST: f64 = 1e-100;
+
 /// Bonds over which the pressure acts.
 #[derive(Clone, Copy)]
 pub(super) struct PressureBonds<'a> {
@@ -58,7 +61,7 @@ impl PressureSolver {
             density,
         } = bonds;
         let points = excess.len() as f64;
-        self.krylov.options.absolute_tolerance = tolerance * points.sqrt();
+        self.krylov.options.absolute_tolerance = tolerance.max(AT_REST) * points.sqrt();
         family.sum(&Diagonal { laplacian }, [density], &mut self.diagonal);
         // points without a bond over which the pressure acts have no excess either
         let closed = self.diagonal.iter_mut().filter(|[sum]| *sum == 0.0);
