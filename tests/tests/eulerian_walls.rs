@@ -212,6 +212,19 @@ fn a_gap_between_the_lattice_and_a_wall_is_refused() {
     );
 }
 
+#[test]
+fn a_wall_at_the_place_of_the_fluid_is_refused() {
+    for description in ["eulerian", "updated_lagrangian"] {
+        let text = sheared_layer(description, 0.09, 0.0);
+        let case = Case::parse("overlap.toml", text, Path::new("")).expect("a valid case");
+        let Err(refused) = case.compose() else {
+            panic!("they overlap by a row");
+        };
+        let message = refused.render(false);
+        assert!(message.contains("lies inside body `plate`"), "{message}");
+    }
+}
+
 /// Air above water with a disc on the lattice in the water: nothing moves, and the disc bears the weight of the water that it displaces.
 #[test]
 fn fluids_that_keep_their_volume_rest_around_a_body() {

@@ -720,6 +720,18 @@ fn mistakes_of_two_fluids() {
             "interface = { surface_tension = 0 }",
         ),
         ("contact_angle = 60", "contact_angle = -1"),
+        (
+            "interface = { surface_tension = 1 }",
+            "interface = { surface_tension = 1, width = 5 }",
+        ),
+        (
+            "materials = { around = 'air' }\n",
+            "materials = { around = 'air', other = 'S355' }\nregions.other.box = { min = [0.8, 0, 0], max = [1, 1, 0.1] }\n",
+        ),
+        (
+            "contact_angle = 60",
+            "kind = 'slip'\nvelocity = [0, 0, 1]",
+        ),
     ]
     .map(|(right, wrong)| told(right, wrong));
     insta::assert_snapshot!(all.join("\n\n"));

@@ -15,7 +15,7 @@
 //! ends on the lines between the centres of cells, by linear interpolation (`cells`). Between these lines it may reach
 //! `dx^2 / (8 R)` farther, R its radius of curvature.
 //!
-//! A pool that reaches a plane of symmetry of the body (coupler `symmetry`) continues behind it: its width is that of both
+//! A pool that reaches a plane of symmetry of the body (coupler `symmetry`) continues behind it: its width and length are those of both
 //! halves, and its volume counts the mirror images. Where half of a body is simulated without that coupler, whose face is
 //! insulated, the symmetry is unknown and half of the width is measured.
 //!
@@ -60,7 +60,7 @@ pub enum Travel {
 pub struct MeltPool {
     /// direction of travel, a unit vector
     pub travel: [f64; 3],
-    /// smallest coordinate along the direction of travel, m
+    /// smallest coordinate along the direction of travel, m; with its mirror image, as for the width
     pub rear: f64,
     /// largest coordinate along the direction of travel, m
     pub front: f64,
@@ -231,7 +231,8 @@ impl MeltPoolGauge {
             })
         };
         let halves = self.halves(&alone);
-        let (rear, front) = along(directions.travel)?;
+        let ends = along(directions.travel)?;
+        let (rear, front) = self.with_images(ends, directions.travel, &alone);
         let across = Some(directions.across()).filter(|d| self.has(*d));
         let sides = across.and_then(along).map(|(from, to)| [from, to]);
         let mirrored = across.and_then(axis_of).map_or(1.0, |axis| halves[axis]);
@@ -269,18 +270,36 @@ impl MeltPoolGauge {
         }
     }
 
+    /// The ends of a pool along a direction (m), with its mirror image behind a plane of symmetry that cuts it there.
+    fn with_images(&self, (low, high): (f64, f64), along: [f64; 3], values: &[f64]) -> (f64, f64) {
+        let cut = |face: &&Face| axis_of(along) == Some(face.axis()) && self.is_cut(**face, values);
+        let Some(face) = self.symmetry.iter().find(cut) else {
+            return (low, high);
+        };
+        let axis = face.axis();
+        let plane = self.grid.origin[axis] + self.face_in_cells(*face) * self.grid.spacing;
+        let plane = along[axis] * plane;
+        match (along[axis] > 0.0) == face.is_upper() {
+            true => (low, 2.0 * plane - low),
+            false => (2.0 * plane - high, high),
+        }
+    }
+
+    /// Whether the region above the isotherm reaches a face.
+    fn is_cut(&self, face: Face, values: &[f64]) -> bool {
+        let axis = face.axis();
+        let ends = (axis < self.dimension).then(|| self.in_cells(values, axis));
+        ends.flatten().is_some_and(|(from, to)| {
+            let end = if face.is_upper() { to } else { from };
+            end == self.face_in_cells(face)
+        })
+    }
+
     /// 2 for each axis whose normal plane of symmetry cuts the region above the isotherm, else 1.
     fn halves(&self, values: &[f64]) -> [f64; 3] {
-        let is_cut = |face: Face| {
-            let axis = face.axis();
-            let ends = (axis < self.dimension).then(|| self.in_cells(values, axis));
-            ends.flatten().is_some_and(|(from, to)| {
-                let end = if face.is_upper() { to } else { from };
-                end == self.face_in_cells(face)
-            })
-        };
         let mut halves = [1.0; 3];
-        for &face in self.symmetry.iter().filter(|face| is_cut(**face)) {
+        let cut = |face: &&Face| self.is_cut(**face, values);
+        for &face in self.symmetry.iter().filter(cut) {
             halves[face.axis()] = 2.0;
         }
         halves

@@ -83,6 +83,25 @@ fn isotherm_of_a_half_ellipsoid_is_found_within_a_fortieth_of_the_spacing() {
     assert_eq!(whole.volume, 2.0 * pool.volume);
 }
 
+/// A quarter of a spot: length and width are those of the whole, in whichever direction the source travels.
+#[test]
+fn a_pool_is_mirrored_along_travel_as_across() {
+    let positions = lattice([0.0, 0.0, -10.0], [30, 12, 10]);
+    let half = [17.2e-4, 8.1e-4, 5.4e-4];
+    let temperature = ellipsoid(&positions, [0.0; 3], half);
+    let symmetry = [Face::XMin, Face::YMin];
+    let gauge = gauge(&positions, 3).with_symmetry(&symmetry);
+    for (travel, [along, across]) in [(Travel::X, [0, 1]), (Travel::Y, [1, 0])] {
+        let pool = gauge
+            .measure(&temperature, Aim::fixed(travel))
+            .expect("a pool");
+        close(0.5 * pool.length(), half[along]);
+        close(pool.front, half[along]);
+        close(0.5 * pool.width.expect("3D"), half[across]);
+        assert_eq!(pool.copies, 4.0);
+    }
+}
+
 /// A whole block under a beam of any direction; the pool is turned with the source.
 #[test]
 fn extents_lie_along_travel_and_beam_and_not_along_the_axes() {

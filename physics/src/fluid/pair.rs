@@ -23,7 +23,7 @@ pub struct Interface {
     /// `1 / (1 + exp(-distance / length))`. With 0.6 a rising bubble is 4 % too slow; larger values cost resolution. For fluids that
     /// flow through their points.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("default" = 0.75, "exclusiveMinimum" = 0))]
+    #[schemars(extend("default" = 0.75, "minimum" = 0.5, "maximum" = 3))]
     pub width: Option<f64>,
     /// Tension of the interface, N/m, at the `reference_temperature` if `tension.slope` is given; when left out, the property
     /// `surface_tension` of the first fluid.
