@@ -23,12 +23,11 @@
 
 use std::cell::Ref;
 
-use perimelt_core::log::LoggedCloud;
+use perimelt_core::log::{CloudField, LoggedCloud};
 use perimelt_core::world::activity::is_active;
 use perimelt_core::{Body, Face, SetupError, World, keys};
 
 use crate::cell_grid::CellGrid;
-use crate::quantity::scalar::scalar;
 use cells::CellValues;
 use depth::Region;
 pub(crate) use directions::LoggedSources;
@@ -169,8 +168,9 @@ impl MeltPoolGauge {
         temperature: &[f64],
         aim: Aim<'_>,
     ) -> Option<MeltPool> {
-        let fraction = scalar(cloud, &keys::FLUID_FRACTION.name);
-        self.measure_present(temperature, fraction.as_ref().map(|f| &f.values[..]), aim)
+        let fraction = |field: &&CloudField| field.name == keys::FLUID_FRACTION.name;
+        let fraction = cloud.fields.iter().find(fraction);
+        self.measure_present(temperature, fraction.map(|field| &field.values[..]), aim)
     }
 
     /// [`MeltPoolGauge::measure`] for a body whose points have metal where `metal` says so ([`metal`]).
