@@ -8,7 +8,7 @@
 //!
 //! over their present overlap A_ij: the resistances from the points to the surface, with the conductivity k of each side, in
 //! series with the contact of conductance h (W/(m² K)); without h the contact is perfect. The distance d is half a cell, or
-//! the depth that the family of the body has ([`World::surface_depth`]). The series is the harmonic mean of the
+//! the depth that the family of the body has ([`World::surface_depths`]). The series is the harmonic mean of the
 //! conductivities, exact for steady flux across the interface. For each pair, one body receives at the same time what the
 //! other one loses, so that heat is conserved to rounding for any step sizes.
 //!

@@ -173,7 +173,7 @@ impl MeltPoolGauge {
         self.measure_present(temperature, fraction.map(|field| &field.values[..]), aim)
     }
 
-    /// [`MeltPoolGauge::measure`] for a body whose points have metal where `metal` says so ([`metal`]).
+    /// [`MeltPoolGauge::measure`] for a body whose points have metal where `metal` says so: that is deposited, or the first of two fluids.
     #[must_use]
     pub fn measure_present(
         &self,
