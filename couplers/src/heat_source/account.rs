@@ -7,11 +7,14 @@
 use perimelt_core::{Face, Report};
 use serde::{Deserialize, Serialize};
 
-use super::shape::{CellGrid, Deposit, Depression, ROUNDING};
+use super::shape::{CellGrid, Deposit, Depression};
 use crate::toolpath::Pose;
 
 /// Distance from a plane of symmetry up to which a source lies on it, in cells.
 const ON_PLANE: f64 = 1e-3;
+
+/// Fraction of the power asked for below which lost power is rounding.
+const ROUNDING: f64 = 1e-9;
 
 /// Number of copies of the body, mirror images included, that a source at `pose` heats: a factor of two for each plane of
 /// symmetry on which it lies.

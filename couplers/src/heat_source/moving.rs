@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use perimelt_core::numbers::check_at_least;
 use perimelt_core::world::{BodyIndex, HeatedInterface};
 use perimelt_core::{
-    Body, Change, LoadError, Prepared, Read, Report, RunError, RunningCoupler, SavedState, Setup,
+    Change, LoadError, Prepared, Read, Report, RunError, RunningCoupler, SavedState, Setup,
     SetupError, Step, StepLimits, Stepping, World, Write, flattened, keys, shared_keys,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -19,12 +19,10 @@ use serde::{Deserialize, Deserializer, Serialize};
 use super::account::{Account, mirror_copies};
 use super::heading::Heading;
 use super::lattice::{AbsorbingState, LatticeBody, grid};
-use super::shape::{
-    Absorber, CellGrid, Cells, Deposit, Depositor, Depression, HeatedSurface, SourceShape,
-};
+use super::shape::{Absorber, CellGrid, Cells, Depositor, Depression, HeatedSurface, SourceShape};
 use super::step_positions::StepPositions;
 use crate::surface::OnBody;
-use crate::toolpath::{ClockState, Pose, Pulse, TimedPath, Toolpath, Track};
+use crate::toolpath::{ClockState, Pulse, TimedPath, Toolpath, Track};
 
 /// Fraction of the shortest length that the source may move in a step.
 const STEP_FRACTION: f64 = 0.25;
@@ -310,21 +308,6 @@ struct RunningSource {
     positions: StepPositions,
 }
 
-/// Where a source and its copies are beyond the periodic sides of a body, from the source on, m.
-fn periodic_shifts(body: &Body) -> impl Iterator<Item = Vector3<f64>> {
-    let places = std::array::from_fn(|axis| if body.periodic[axis] { 3 } else { 1 });
-    let lengths: [f64; 3] = std::array::from_fn(|axis| match body.periodic[axis] {
-        true => body.extent(axis),
-        false => 0.0,
-    });
-    let [x, y, z]: [usize; 3] = places;
-    (0..x * y * z).map(move |n| {
-        let place = [n % x, n / x % y, n / (x * y)];
-        let along = |axis: usize| [0.0, 1.0, -1.0][place[axis]] * lengths[axis];
-        Vector3::new(along(0), along(1), along(2))
-    })
-}
-
 /// State for a checkpoint.
 #[derive(Serialize, Deserialize)]
 struct Saved {
@@ -363,30 +346,19 @@ impl RunningCoupler for RunningSource {
         pose.position -= world.window_shift(self.body);
         let mut heat_source = world.write(self.heat_source);
         let now = self.positions.at(world, self.body, step.middle());
-        let cells = Cells::of(world, self.body, now, self.grid);
-        let lattice = cells.is_none().then(|| LatticeBody {
-            body,
-            grid: self.grid,
-            activity: world.activity(self.body),
-            state: self.absorption.state(world, step.size),
-            reducer: world.reducer(self.body),
-        });
-        let mut deposit = Deposit::default();
-        for (copy, shift) in periodic_shifts(body).enumerate() {
-            let pose = Pose {
-                position: pose.position + shift,
-                ..pose
-            };
-            let of_copy = match (&cells, &lattice) {
-                (Some(cells), _) => (self.depositor).add_to_cells(cells, &pose, &mut heat_source),
-                (None, Some(body)) => self.depositor.add(body, &pose, &mut heat_source),
-                (None, None) => unreachable!("a body has a lattice or cells around its points"),
-            };
-            match copy {
-                0 => deposit = of_copy,
-                _ => deposit.take_up(&of_copy),
+        let deposit = match Cells::of(world, self.body, now, self.grid) {
+            Some(cells) => (self.depositor).add_to_cells(&cells, &pose, &mut heat_source),
+            None => {
+                let body = LatticeBody {
+                    body,
+                    grid: self.grid,
+                    activity: world.activity(self.body),
+                    state: self.absorption.state(world, step.size),
+                    reducer: world.reducer(self.body),
+                };
+                self.depositor.add(&body, &pose, &mut heat_source)
             }
-        }
+        };
         let copies = mirror_copies(&self.grid, &world.symmetry(self.body), &pose);
         // between two pulses the source counts as on
         let is_on = self.path.is_on_after(step.middle());

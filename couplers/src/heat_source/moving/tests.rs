@@ -4,7 +4,7 @@ use crate::testing::{STEEL, apply, block, prepare, refusal, total};
 use perimelt_core::Coupler;
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::world::SymmetryPlane;
-use perimelt_core::{Axis, Body, Face, StepLimits, World};
+use perimelt_core::{Body, Face, StepLimits, World};
 
 const SHAPE: &str = "power = 100\nhalf_length = 0.5\nhalf_width = 2\ndepth = 1";
 
@@ -46,34 +46,6 @@ fn the_power_arrives_and_is_booked() {
         "at the end of the second step"
     );
     assert_eq!(source.step_limits(0.5).next_event, Some(5.0));
-}
-
-/// A source that crosses a periodic side heats the other end of the body: as much of it, and where its copy is.
-#[test]
-fn a_source_reaches_through_periodic_sides() {
-    let heated = |x: f64| {
-        let mut body = block([20, 20, 8], 3, STEEL);
-        body.repeat(&[Axis::X]).expect("it fills its box");
-        let mut world = World::new(vec![body]);
-        let line = format!("{{ start = [{x}, 10, 8], direction = [1, 0, 0], speed = 2 }}");
-        let (mut source, ()) = prepare(&mut world, ellipsoid(&line), |setup| {
-            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        })
-        .expect("valid");
-        apply(&world, &mut *source, 0.0);
-        assert_eq!(value(&*source, "power.lost"), 0.0);
-        let fields = world.fields();
-        let field = fields
-            .find(0, &keys::HEAT_SOURCE.name)
-            .expect("it is there");
-        fields.field(field).data().flat().to_vec()
-    };
-    let (middle, edge) = (heated(9.0), heated(-1.0));
-    for (point, power) in middle.iter().enumerate() {
-        let other = point / 20 * 20 + (point + 10) % 20;
-        assert!((edge[other] - power).abs() < 1e-12, "{point}");
-    }
-    assert!(middle.iter().any(|power| *power > 1.0));
 }
 
 #[test]

@@ -22,24 +22,6 @@ pub struct Deposit {
     pub depression: Option<Depression>,
 }
 
-/// Fraction of the power asked for below which lost power is rounding.
-pub(in crate::heat_source) const ROUNDING: f64 = 1e-9;
-
-impl Deposit {
-    /// Adds what a copy of the source beyond a periodic side deposits.
-    pub(in crate::heat_source) fn take_up(&mut self, copy: &Deposit) {
-        self.deposited += copy.deposited;
-        self.lost -= copy.deposited;
-        if self.lost.abs() <= ROUNDING * self.asked {
-            self.lost = 0.0;
-        }
-        let depth = |d: &Option<Depression>| d.map_or(0.0, |d| d.depth);
-        if depth(&copy.depression) > depth(&self.depression) {
-            self.depression = copy.depression;
-        }
-    }
-}
-
 /// The surface of an interface or a keyhole below a beam.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Depression {

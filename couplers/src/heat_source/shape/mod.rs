@@ -45,7 +45,6 @@ pub use beam::Beam;
 pub use cells::{Cells, Cover};
 pub use column_beam::{Absorber, ColumnBeam};
 pub use density::{Density, DensityOnFace};
-pub(in crate::heat_source) use deposit::ROUNDING;
 pub use deposit::{Deposit, Depositor, Depression};
 pub use ellipsoid::{Goldak, SemiEllipsoid};
 pub use formula_profile::Profile;
