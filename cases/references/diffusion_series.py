@@ -1,7 +1,9 @@
-"""Series for channels that start to flow and for a plate that is heated at its edges: reference numbers of the cases
-`gao-5.5.2-couette-*`, `gao-5.5.3-poiseuille-*` and `gao-5.6.2-heat-conduction-*`.
+"""Series for channels that start to flow, a plate that is heated at its edges and a slab that is heated at one side:
+reference numbers of the cases `gao-5.5.2-couette-*`, `gao-5.5.3-poiseuille-*`, `gao-5.6.2-heat-conduction-*` and
+`wang-8.5.4-conduction-*`.
 
     Couette      v = v0 [y/W + sum_n 2/(n pi) (-1)^n sin(n pi y/W) exp(-nu n^2 pi^2 t/W^2)]
+    slab         T = T1 [y/H + sum_n 2/(n pi) (-1)^n sin(n pi y/H) exp(-alpha n^2 pi^2 t/H^2)]
     Poiseuille   v = F/(2 nu) y (W - y) - sum_{n odd} 4 F W^2/(nu pi^3 n^3) sin(n pi y/W) exp(-nu n^2 pi^2 t/W^2)
     plate        T = T_b [1 - f(x) f(y)],   f(s) = sum_{n odd} 4/(n pi) sin(n pi s/L) exp(-alpha n^2 pi^2 t/L^2)
 
@@ -14,16 +16,28 @@ WIDTH, VISCOSITY = 1e-3, 1e-6  # m, m2/s
 LID, FORCE = 2.5e-5, 2e-4  # m/s, m/s2
 EDGE, EDGE_TEMPERATURE = 0.1, 10.0  # m, K
 DIFFUSIVITY = 8.3075 / (1620.0 * 1092.728)  # m2/s
+SLAB, SLAB_TEMPERATURE = 5.76e-3, 1.152  # m, K
+SLAB_DIFFUSIVITY = 1.2e-6 / (250.0 * 0.5e-4)  # m2/s
 TERMS = np.arange(1, 401)
 PLACES = ((0.05, 0.05), (0.025, 0.05), (0.025, 0.025), (0.01, 0.05), (0.01, 0.01), (0.005, 0.05))
 
 
+def one_sided(part: float, time: float) -> float:
+    """Share of the value of the far side at a part of the width; time in units of the squared width over diffusivity."""
+    n = TERMS
+    decay = np.exp(-((n * np.pi) ** 2) * time)
+    waves = 2.0 / (n * np.pi) * (-1.0) ** n * np.sin(n * np.pi * part) * decay
+    return part + waves.sum()
+
+
 def couette(y: float, t: float) -> float:
     """Velocity (m/s) at a height (m) and a time (s)."""
-    n = TERMS
-    decay = np.exp(-VISCOSITY * (n * np.pi / WIDTH) ** 2 * t)
-    waves = 2.0 / (n * np.pi) * (-1.0) ** n * np.sin(n * np.pi * y / WIDTH) * decay
-    return LID * (y / WIDTH + waves.sum())
+    return LID * one_sided(y / WIDTH, VISCOSITY * t / WIDTH**2)
+
+
+def slab(y: float, t: float) -> float:
+    """Temperature (K) above the cold side at a height (m) and a time (s)."""
+    return SLAB_TEMPERATURE * one_sided(y / SLAB, SLAB_DIFFUSIVITY * t / SLAB**2)
 
 
 def poiseuille(y: float, t: float) -> float:
@@ -55,6 +69,8 @@ def values() -> dict[str, float]:
     for t in (5.0, 10.0, 20.0, 40.0):
         for x, y in PLACES:
             found[f"plate, {t:g} s, ({x}, {y}) m, K"] = float(plate(x, y, t))
+    for part in (0.25, 0.5, 0.75):
+        found[f"slab, 0.1 s, y = {part} H, K"] = float(slab(part * SLAB, 0.1))
     return found
 
 
