@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use perimelt_tests::start;
 
-/// An L or a U, whose notch a boundary reaches, with a block in the notch where it is asked for.
+/// A U, or the L that is half of it, with a boundary that reaches the notch.
 fn notched(whole: bool, horizon: u32, boundary: &str) -> String {
     let (low, notch) = if whole { (-2, -1) } else { (0, 0) };
     let symmetry = match whole {

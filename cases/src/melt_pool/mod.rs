@@ -232,7 +232,7 @@ impl MeltPoolGauge {
         };
         let halves = self.halves(&alone);
         let ends = along(directions.travel)?;
-        let (rear, front) = self.with_images(ends, directions.travel, &alone);
+        let (rear, front) = self.with_images(ends, directions.travel, (&halves, &alone));
         let across = Some(directions.across()).filter(|d| self.has(*d));
         let sides = across.and_then(along).map(|(from, to)| [from, to]);
         let mirrored = across.and_then(axis_of).map_or(1.0, |axis| halves[axis]);
@@ -271,12 +271,19 @@ impl MeltPoolGauge {
     }
 
     /// The ends of a pool along a direction (m), with its mirror image behind a plane of symmetry that cuts it there.
-    fn with_images(&self, (low, high): (f64, f64), along: [f64; 3], values: &[f64]) -> (f64, f64) {
-        let cut = |face: &&Face| axis_of(along) == Some(face.axis()) && self.is_cut(**face, values);
+    fn with_images(
+        &self,
+        (low, high): (f64, f64),
+        along: [f64; 3],
+        (halves, values): (&[f64; 3], &[f64]),
+    ) -> (f64, f64) {
+        let Some(axis) = axis_of(along).filter(|&axis| halves[axis] > 1.0) else {
+            return (low, high);
+        };
+        let cut = |face: &&Face| face.axis() == axis && self.is_cut(**face, values);
         let Some(face) = self.symmetry.iter().find(cut) else {
             return (low, high);
         };
-        let axis = face.axis();
         let plane = self.grid.origin[axis] + self.face_in_cells(*face) * self.grid.spacing;
         let plane = along[axis] * plane;
         match (along[axis] > 0.0) == face.is_upper() {

@@ -2,6 +2,8 @@
 
 use nalgebra::Vector3;
 
+use super::Body;
+
 /// One of the six faces of a body's box.
 #[derive(
     Clone,
@@ -79,6 +81,20 @@ impl Face {
         let mut step = [0; 3];
         step[self.axis()] = if self.is_upper() { 1 } else { -1 };
         step
+    }
+}
+
+impl Body {
+    /// Centre of a cell face of a point, m.
+    pub(crate) fn face_centre(&self, point: usize, face: Face) -> Vector3<f64> {
+        self.points.position[point] + face.normal() * self.face_distance(point, face)
+    }
+
+    /// Whether a cell face of a point lies in that face of the box around the body, and is no step or wall of a hole.
+    pub(crate) fn lies_in_face(&self, point: usize, face: Face) -> bool {
+        let axis = face.axis();
+        let apart = self.face_centre(point, face)[axis] - self.face_position(face);
+        apart.abs() < 0.25 * self.width(point, axis)
     }
 }
 

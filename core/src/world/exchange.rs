@@ -188,8 +188,8 @@ impl fmt::Display for Covered {
 #[derive(Debug, Default)]
 pub struct FreeFaces {
     field: String,
-    symmetry: Vec<(Face, f64)>,
-    layers: Vec<(Face, f64)>,
+    symmetry: Vec<Face>,
+    layers: Vec<Face>,
     covers: Vec<Cover>,
 }
 
@@ -207,14 +207,12 @@ impl FreeFaces {
     /// What covers faces of a body at the start of the run, where the field called `field` is exchanged.
     pub fn new(world: &World, body: BodyIndex, field: &str) -> FreeFaces {
         let this = world.body(body);
-        let at = |face: &Face| (*face, this.face_position(*face));
-        let symmetry: Vec<_> = world.symmetry(body).iter().map(at).collect();
+        let symmetry = world.symmetry(body);
         let layers = world.layers.iter();
         let layers = layers.filter(|l| l.body == body && l.field == field);
         let layers =
             layers.flat_map(|l| l.rules.borrow().iter().map(|r| r.face).collect::<Vec<_>>());
-        let layers = layers.filter(|face| !symmetry.iter().any(|(f, _)| f == face));
-        let layers = layers.map(|face| at(&face)).collect();
+        let layers = layers.filter(|face| !symmetry.contains(face)).collect();
         let others = (0..world.bodies().len()).filter(|other| *other != body);
         // a window of finer points lies inside its plate
         let others = others.filter(|other| !world.are_refined(body, *other));
@@ -238,19 +236,16 @@ impl FreeFaces {
     /// The part of a cell face that is free, from 0 to 1, and what covers the rest.
     fn free(&self, world: &World, body: &Body, cell: &SurfaceCell) -> (f64, Option<Covered>) {
         let point = cell.point as usize;
-        let spacing = body.width(point, cell.face.axis());
-        let centre =
-            body.points.position[point] + cell.face.normal() * body.face_distance(point, cell.face);
-        let lies_at = |&&(face, position): &&(Face, f64)| {
-            face == cell.face && (centre[face.axis()] - position).abs() < 0.25 * spacing
-        };
-        if let Some((face, _)) = self.symmetry.iter().find(lies_at) {
-            return (0.0, Some(Covered::Symmetry(*face)));
+        let face = cell.face;
+        let lies_in = |faces: &[Face]| faces.contains(&face) && body.lies_in_face(point, face);
+        if lies_in(&self.symmetry) {
+            return (0.0, Some(Covered::Symmetry(face)));
         }
-        if let Some((face, _)) = self.layers.iter().find(lies_at) {
-            let (field, face) = (self.field.clone(), *face);
+        if lies_in(&self.layers) {
+            let field = self.field.clone();
             return (0.0, Some(Covered::Layer { field, face }));
         }
+        let centre = body.face_centre(point, face);
         let mut free = 1.0;
         let mut by = None;
         for cover in &self.covers {

@@ -28,13 +28,7 @@ impl Default for SurfaceDepths {
 impl SurfaceDepths {
     /// At a cell face of a point. Behind a step or the wall of a hole nothing is mirrored, whichever way it faces.
     pub fn at(&self, body: &Body, point: usize, face: Face) -> f64 {
-        let lies_in_face = || {
-            let axis = face.axis();
-            let place = body.points.position[point][axis];
-            let from_face = (body.face_position(face) - place).abs();
-            (from_face - body.face_distance(point, face)).abs() < 0.25 * body.width(point, axis)
-        };
-        match self.is_mirrored[face as usize] && lies_in_face() {
+        match self.is_mirrored[face as usize] && body.lies_in_face(point, face) {
             true => self.mirrored,
             false => self.bare,
         }

@@ -101,7 +101,7 @@ impl FluidRun {
             }),
             interface: has_interface.then(InterfaceReport::default),
             kinetic_energy: 0.0,
-            density_deviation: 0.0,
+            density_deviation: (!keys.is_incompressible()).then_some(0.0),
         })
     }
 

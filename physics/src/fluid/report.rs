@@ -33,11 +33,8 @@ impl FluidRun {
 
     pub(super) fn reports(&self) -> Vec<Report> {
         let mut all = vec![Report::new("energy.kinetic", "J", self.kinetic_energy)];
-        // a fluid that keeps its volume has the densities of its mixtures
-        if self.points.projection().is_none() {
-            let deviation = Report::new("density.deviation", "1", self.density_deviation);
-            all.push(deviation);
-        }
+        let deviation = |value| Report::new("density.deviation", "1", value);
+        all.extend(self.density_deviation.map(deviation));
         all.extend(self.interface.iter().flat_map(InterfaceReport::reports));
         all.extend(self.points.walls().into_iter().flat_map(Walls::reports));
         all
@@ -58,12 +55,11 @@ impl FluidRun {
         let square: Vec<f64> = velocity.iter().map(Vector3::norm_squared).collect();
         let mass = self.masses(world, &density);
         self.kinetic_energy = sum_of([&square, &mass], |[v2, m]| 0.5 * v2 * m);
-        let reference = &self.medium.reference_density;
-        let deviation = density
-            .iter()
-            .zip(reference)
-            .map(|(rho, rho0)| (rho / rho0 - 1.0).abs());
-        self.density_deviation = deviation.fold(0.0, f64::max);
+        if let Some(largest) = &mut self.density_deviation {
+            let points = density.iter().zip(&self.medium.reference_density);
+            let deviation = points.map(|(rho, rho0)| (rho / rho0 - 1.0).abs());
+            *largest = deviation.fold(0.0, f64::max);
+        }
     }
 }
 

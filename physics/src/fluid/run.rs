@@ -41,8 +41,8 @@ pub(super) struct FluidRun {
     pub(super) interface: Option<InterfaceReport>,
     /// J.
     pub(super) kinetic_energy: f64,
-    /// Largest `|rho/rho0 - 1|`.
-    pub(super) density_deviation: f64,
+    /// Largest `|rho/rho0 - 1|`; a fluid that keeps its volume has none.
+    pub(super) density_deviation: Option<f64>,
 }
 
 /// Momentum that a fluid had at the start, and what forces and walls gave since.

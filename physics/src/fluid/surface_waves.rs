@@ -10,7 +10,7 @@ use perimelt_core::{Derivatives, Pddo, SlotField};
 
 use super::treatments::AT_SURFACE;
 use crate::advection::Flux;
-use crate::shape_tensor::CompleteFamily;
+use crate::shape_tensor::{CompleteFamily, Completion};
 
 /// Steps of the power iteration, of which the second half measures the growth.
 const ITERATIONS: usize = 100;
@@ -24,13 +24,9 @@ pub(super) fn largest_wave_number(
 ) -> Option<f64> {
     let (family, dimension) = (pddo.family(), pddo.dimension());
     let least = AT_SURFACE * complete.content;
-    let has_pressure: Vec<bool> = (0..pddo.points())
-        .map(|point| {
-            let mut content = 0.0;
-            family.for_each_bond(point, |_, bond, _| content += bond.weight);
-            content >= least
-        })
-        .collect();
+    let completion = Completion::of(pddo.points(), family, std::iter::empty());
+    let content = completion.content.iter();
+    let has_pressure: Vec<bool> = content.map(|content| *content >= least).collect();
     if has_pressure.iter().all(|has| *has) {
         return None;
     }

@@ -61,6 +61,8 @@ pub(super) struct Treatments {
     smooth: Vec<Vector4<f64>>,
     /// By slot: velocity (m/s), density (kg/m³), and the number of the material from one; zero where there is no neighbour.
     fields: [SlotField; 5],
+    /// One for layers of neighbours, zero for others.
+    counted: Vec<LayerRule>,
 }
 
 /// Sum of the distances of the neighbours (m), their number, `sum_j xi / |xi|^3` (1/m²), `sum w` (1/m).
@@ -113,6 +115,7 @@ impl Treatments {
             crowding: Vec::new(),
             smooth: Vec::new(),
             fields: Default::default(),
+            counted: Vec::new(),
         }
     }
 
@@ -235,6 +238,7 @@ impl Treatments {
         }
     }
 
+    /// Brings what moving least squares take of points and symmetric images to their slots.
     fn load_neighbours(
         &mut self,
         neighbours: Neighbours<'_>,
@@ -247,18 +251,18 @@ impl Treatments {
             rules,
             ..
         } = neighbours;
-        let counted = |rule: &LayerRule| LayerRule {
+        self.counted.clear();
+        self.counted.extend(rules.iter().map(|rule| LayerRule {
             scale: [f64::from(u8::from(is_symmetric(rule))); 3],
             ..LayerRule::even(rule.face)
-        };
-        let counted: Vec<LayerRule> = rules.iter().map(counted).collect();
+        }));
         let [along @ .., rho, kind] = &mut self.fields;
         for (axis, slots) in along.iter_mut().enumerate() {
             slots.load(family, |i: usize| velocity[i][axis], ByRules(rules, axis));
         }
         rho.load(family, density, Mirrored::Scalar);
         let number = |i: usize| f64::from(material[i]) + 1.0;
-        kind.load(family, number, ByRules(&counted, 0));
+        kind.load(family, number, ByRules(&self.counted, 0));
     }
 
     /// Velocity (m/s) and density (kg/m³) by moving least squares over points and their neighbours (Gao

@@ -104,7 +104,18 @@ impl SuperGaussian {
         &self,
         absorber: Absorber,
         footprint: Footprint,
+        grid: &CellGrid,
     ) -> Result<PowerDensity, SetupError> {
+        if grid.is_thickness(self.sampled.heated_surface.face.axis()) {
+            let message = match absorber {
+                Absorber::Interface => {
+                    "a plate (2D) has no depth in which the beam could meet an interface"
+                }
+                Absorber::Keyhole => "a plate (2D) has no depth in which a keyhole could grow",
+            };
+            let expected = "a 3D body, or `heated_surface.face` in the plane";
+            return Err(SetupError::value("penetration", message, expected));
+        }
         if self.penetration_depth.is_some() {
             let message = "a beam that an interface or a keyhole absorbs has no depth";
             let expected = "no `penetration_depth`, or another `penetration`";
@@ -205,23 +216,9 @@ impl SourceShape for SuperGaussian {
             return Err(SetupError::value("reflections", message, expected));
         }
         let footprint = Footprint::super_gaussian(radius, order);
-        if let Some(absorber) = self.absorber() {
-            if grid.is_thickness(self.sampled.heated_surface.face.axis()) {
-                let message = match absorber {
-                    Absorber::Interface => {
-                        "a plate (2D) has no depth in which the beam could meet an interface"
-                    }
-                    Absorber::Keyhole => "a plate (2D) has no depth in which a keyhole could grow",
-                };
-                let expected = "a 3D body, or `heated_surface.face` in the plane";
-                return Err(SetupError::value("penetration", message, expected));
-            }
-            return self.columns(absorber, footprint);
-        }
         let depth = match self.penetration {
-            Penetration::Interface | Penetration::Keyhole => {
-                unreachable!("it is absorbed by columns")
-            }
+            Penetration::Interface => return self.columns(Absorber::Interface, footprint, grid),
+            Penetration::Keyhole => return self.columns(Absorber::Keyhole, footprint, grid),
             Penetration::Exponential => DepthProfile::Exponential {
                 length: self.depth()?,
             },
