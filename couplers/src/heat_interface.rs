@@ -79,6 +79,8 @@ struct Side {
     conductivity: Vec<Property>,
     curves: Vec<EnthalpyCurve>,
     cells: Vec<SurfaceCell>,
+    /// Distance of the surface from the point of each cell, m; empty before the first step.
+    depth: Vec<f64>,
     /// Present centres of the cell faces, m.
     centre: Vec<Vector3<f64>>,
     /// Positions of the points for which the overlaps were found, m.
@@ -105,6 +107,7 @@ impl Side {
             centre: centres(this, &cells, &position).collect(),
             position,
             cells,
+            depth: Vec::new(),
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
             heat_conductance: setup.add(body, &keys::HEAT_CONDUCTANCE)?,
@@ -112,6 +115,17 @@ impl Side {
             curves: setup.world().enthalpy_curves(body).unwrap_or_default(),
             moved: true,
         })
+    }
+
+    /// Finds the distances of the surface, which the physics of the body has told once all plugins are prepared.
+    fn find_depths(&mut self, world: &World) {
+        if self.depth.is_empty() {
+            let (body, depths) = (world.body(self.body), world.surface_depths(self.body));
+            let depth = |cell: &SurfaceCell| {
+                depths.at(body, cell).max(LEAST_DEPTH) * body.points.spacing[cell.point as usize]
+            };
+            self.depth = self.cells.iter().map(depth).collect();
+        }
     }
 
     /// Updates the positions.
@@ -129,32 +143,23 @@ impl Side {
 
     /// Resistance from the point of a cell to its face at the temperature of the point, m² K/W.
     fn resistance(&self, world: &World, cell: u32, temperature: &[f64]) -> f64 {
-        let cell = &self.cells[cell as usize];
-        let (point, body) = (cell.point as usize, world.body(self.body));
-        let (material, t) = (body.material_of_point[point] as usize, temperature[point]);
+        let point = self.cells[cell as usize].point as usize;
+        let material = world.body(self.body).material_of_point[point] as usize;
+        let t = temperature[point];
         let curve = self.curves.get(material);
         let liquid = curve.map_or(0.0, |c| c.liquid_fraction(t));
-        self.depth(world, cell) / self.conductivity[material].at(t, liquid)
-    }
-
-    /// Distance of the surface from the point of a cell, m.
-    fn depth(&self, world: &World, cell: &SurfaceCell) -> f64 {
-        let depth = world.surface_depths(self.body).at(
-            world.body(self.body),
-            cell.point as usize,
-            cell.face,
-        ) * cell.cosine();
-        depth.max(LEAST_DEPTH) * world.body(self.body).points.spacing[cell.point as usize]
+        self.depth[cell as usize] / self.conductivity[material].at(t, liquid)
     }
 
     /// Least resistance from a point to its face, m² K/W.
     fn least_resistance(&self, world: &World) -> f64 {
-        let cell = |cell: &SurfaceCell| {
-            let materials = &world.body(self.body).material_of_point;
+        let materials = &world.body(self.body).material_of_point;
+        let resistance = |(cell, depth): (&SurfaceCell, &f64)| {
             let material = materials[cell.point as usize] as usize;
-            self.depth(world, cell) / max_abs(&self.conductivity[material].values())
+            depth / max_abs(&self.conductivity[material].values())
         };
-        self.cells.iter().map(cell).fold(f64::INFINITY, f64::min)
+        let cells = self.cells.iter().zip(&self.depth);
+        cells.map(resistance).fold(f64::INFINITY, f64::min)
     }
 
     /// Least heat capacity over the area of a cell face, J/(m² K).
@@ -188,7 +193,10 @@ fn centres<'a>(
 impl RunningHeatInterface {
     /// Finds the cell faces that lie against each other, if any point has moved.
     fn follow(&mut self, world: &World) {
-        self.sides.iter_mut().for_each(|side| side.follow(world));
+        for side in &mut self.sides {
+            side.find_depths(world);
+            side.follow(world);
+        }
         if self.sides.iter().any(|side| side.moved) {
             self.find_overlaps([0, 1].map(|k| world.body(self.sides[k].body)));
             self.sides.iter_mut().for_each(|side| side.moved = false);
@@ -219,7 +227,7 @@ impl RunningHeatInterface {
                 let between = second.centre[b] - centre;
                 let (sa, sb) = (spacing(0, a), spacing(1, b));
                 let other = &second.cells[b];
-                let gap = match cell.is_step && other.is_step {
+                let gap = match cell.is_step() && other.is_step() {
                     true => self.gap.max(cell.contact_distance([sa, sb], true)),
                     false => self.gap,
                 };
@@ -356,6 +364,9 @@ impl RunningCoupler for RunningHeatInterface {
 
     /// Half of the shortest time constant of a cell whose whole face is in contact.
     fn stable_step(&mut self, world: &World) -> Option<f64> {
+        self.sides
+            .iter_mut()
+            .for_each(|side| side.find_depths(world));
         let bodies = self.sides.each_ref().map(|s| world.body(s.body));
         let resistance: f64 = self.resistance
             + (0..2)

@@ -194,7 +194,7 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
                 face: Face::ZMax,
                 face_area: area,
                 area,
-                is_step: false,
+                step_of: None,
             }
         };
         let cells = points.into_iter().map(cell).collect();

@@ -1,4 +1,4 @@
-//! Faces of the box around a body, and the bare cell faces of its points.
+//! Faces of the box around a body.
 
 use nalgebra::Vector3;
 
@@ -95,44 +95,5 @@ impl Body {
         let axis = face.axis();
         let apart = self.face_centre(point, face)[axis] - self.face_position(face);
         apart.abs() < 0.25 * self.width(point, axis)
-    }
-}
-
-/// An exposed cell face of a surface point.
-#[derive(Clone, Copy, Debug)]
-pub struct SurfaceCell {
-    /// The point.
-    pub point: u32,
-    /// Direction of the outward normal.
-    pub face: Face,
-    /// Exposed area of the cell face, m²: times the normal it sums up to the resultant of a pressure.
-    pub face_area: f64,
-    /// Area of the true surface that the cell face stands for, m²: sums are those of the shape.
-    pub area: f64,
-    /// Whether it is a step of an inclined or curved surface, which lies up to half a spacing beside it.
-    pub is_step: bool,
-}
-
-/// Least cosine of the angle between a step and its surface that counts in [`SurfaceCell::contact_distance`].
-const LEAST_COSINE: f64 = 0.25;
-
-impl SurfaceCell {
-    /// Area of the true surface over that of the cell face, which is also the distance of the surface from the point over that along
-    /// the axis of the face: one, and less at steps.
-    pub fn cosine(&self) -> f64 {
-        self.area / self.face_area
-    }
-
-    /// Largest distance (m) along the axis at which a cell face lies against one of another body, with these spacings (m): half of
-    /// the smaller one. Where both are steps of an inclined or curved surface they lie beside it by up to half of both spacings, across
-    /// the surface.
-    pub fn contact_distance(&self, spacings: [f64; 2], other_is_step: bool) -> f64 {
-        let [a, b] = spacings;
-        let distance = match self.is_step && other_is_step {
-            true => (a + b) / self.cosine().max(LEAST_COSINE),
-            false => a.min(b),
-        };
-        // rounding
-        0.5 * (1.0 + 1e-9) * distance
     }
 }

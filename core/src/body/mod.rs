@@ -16,19 +16,21 @@ mod outline;
 mod overlap;
 mod part;
 pub(crate) mod partition;
+mod surface;
 mod table;
 mod zones;
 
 pub(crate) use cloud::Curve;
 pub use cloud::{Cloud, Jitter};
 pub use cut::Cut;
-pub use face::{Face, SurfaceCell};
+pub use face::Face;
 pub use horizon::{Horizon, HorizonError};
 pub use images::{BoxImage, BoxImages};
 pub use interpolate::weights_among;
 pub use lattice::{Lattice, NO_POINT};
 pub use layers::{Layer, Layers, Layup, LayupError, Ply, Stations};
 pub use part::Part;
+pub use surface::SurfaceCell;
 pub use table::{POINT_COLUMNS, PointTableError};
 pub use zones::{Zone, ZoneError};
 
@@ -38,7 +40,7 @@ use nalgebra::Vector3;
 
 use crate::axis::Axis;
 use crate::material::Material;
-use crate::shape::{Bounds, Shape, SurfacePart};
+use crate::shape::{Bounds, Shape};
 use crate::text::{number, position};
 
 use outline::Outline;
@@ -429,76 +431,6 @@ impl Body {
             }
             Discretisation::Layers(layers) => layers.neighbour(point, face),
         }
-    }
-
-    /// The nearest part of the surface of the shape that the points fill to a position (m), among those that face `outward`; `None` for a body
-    /// whose surface is that of its cells, such as a box.
-    pub fn surface_near(&self, at: Vector3<f64>, outward: Vector3<f64>) -> Option<SurfacePart> {
-        self.outline.as_ref()?.near(at, outward)
-    }
-
-    /// Whether the cell of a point has a bare face in a direction that is a step of an inclined or curved surface.
-    pub(crate) fn is_step(&self, point: usize, face: Face) -> bool {
-        self.neighbour(point, face).is_none() && self.true_surface(point, face).1
-    }
-
-    /// Area of the true surface over that of a bare face of a cell, and whether that is a step of it.
-    fn true_surface(&self, point: usize, face: Face) -> (f64, bool) {
-        match &self.discretisation {
-            // edges of plies are those of the plane
-            Discretisation::Layers(layers) if face.axis() < 2 => {
-                layers.plane().true_surface(layers.place(point).1, face)
-            }
-            _ => {
-                let outline = self.outline.as_ref();
-                outline.map_or((1.0, false), |o| o.fraction(&self.points, point, face))
-            }
-        }
-    }
-
-    /// Bare cell faces with a normal among `faces`; for a cloud, with the bare part of their area.
-    pub fn surface(&self, faces: &[Face]) -> Vec<SurfaceCell> {
-        self.surface_of(0..self.points.len(), faces, |_| true)
-    }
-
-    /// [`Body::surface`] of some points of a body that consists of the points with material only; on a cloud all points
-    /// have material.
-    pub fn surface_of(
-        &self,
-        points: impl Iterator<Item = usize>,
-        faces: &[Face],
-        has_material: impl Fn(usize) -> bool,
-    ) -> Vec<SurfaceCell> {
-        let faces = faces.iter().filter(|f| f.axis() < self.dimension);
-        let mut surface = Vec::new();
-        for point in points.filter(|&p| has_material(p)) {
-            for &face in faces.clone() {
-                let whole = self.points.volume[point] / self.width(point, face.axis());
-                let bare = match &self.discretisation {
-                    Discretisation::Lattice(_) | Discretisation::Layers(_) => {
-                        let covers = self.neighbour(point, face);
-                        f64::from(u8::from(!covers.is_some_and(&has_material)))
-                    }
-                    // it fills its box
-                    Discretisation::Cloud(_) if self.periodic[face.axis()] => 0.0,
-                    Discretisation::Cloud(cloud) => {
-                        cloud.bare_fraction(self.dimension, &self.points.spacing, point, face)
-                    }
-                };
-                if bare > 0.0 {
-                    let face_area = bare * whole;
-                    let (fraction, is_step) = self.true_surface(point, face);
-                    surface.push(SurfaceCell {
-                        point: point as u32,
-                        face,
-                        face_area,
-                        area: fraction * face_area,
-                        is_step,
-                    });
-                }
-            }
-        }
-        surface
     }
 }
 

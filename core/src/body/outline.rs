@@ -55,17 +55,22 @@ impl Outline {
         })
     }
 
-    /// Area of the true surface over that of a cell face of a point, and whether the face is a step of an inclined or curved one.
-    pub fn fraction(&self, points: &Points, point: usize, face: Face) -> (f64, bool) {
+    /// Area of the true surface over that of a cell face of a point, and its normal if the face is a step of an inclined or curved one.
+    pub fn fraction(
+        &self,
+        points: &Points,
+        point: usize,
+        face: Face,
+    ) -> (f64, Option<Vector3<f64>>) {
         let spacing = points.spacing[point];
         let at = points.position[point] + face.normal() * (0.5 * spacing);
-        let (fraction, part) = self.projected(at, face, spacing);
-        let correction = part.map_or(1.0, |part| self.correction[part]);
-        (fraction * correction, part.is_some())
+        let (fraction, inclined) = self.projected(at, face, spacing);
+        let correction = inclined.map_or(1.0, |part| self.correction[part.part]);
+        (fraction * correction, inclined.map(|part| part.normal))
     }
 
     /// The area fraction without the correction, and the part of the surface, where it is inclined.
-    fn projected(&self, at: Vector3<f64>, face: Face, spacing: f64) -> (f64, Option<usize>) {
+    fn projected(&self, at: Vector3<f64>, face: Face, spacing: f64) -> (f64, Option<SurfacePart>) {
         let outward = face.normal();
         let facing = Facing {
             at,
@@ -78,7 +83,7 @@ impl Outline {
                 let cosine = part.normal.dot(&outward).max(0.0);
                 // plane faces along the axes keep the areas of their cells
                 let inclined = part.curved || cosine < 1.0 - 1e-9;
-                (cosine * part.stretch, inclined.then_some(part.part))
+                (cosine * part.stretch, inclined.then_some(part))
             }
             None => (1.0, None),
         }
@@ -100,7 +105,7 @@ impl Outline {
                 let at = body.points.position[point] + face.normal() * (0.5 * lattice.spacing);
                 let (area, part) = self.projected(at, *face, lattice.spacing);
                 if let Some(part) = part {
-                    coarse[part] += area;
+                    coarse[part.part] += area;
                     let cell = lattice.cell_of_point[point].map(i64::from);
                     near.extend(neighbourhood(cell, body.dimension));
                 }
@@ -172,7 +177,7 @@ impl Outline {
                         let at = centre(part) + face.normal() * (0.5 * spacing);
                         let (fraction, part) = self.projected(at, *face, spacing);
                         if let Some(part) = part {
-                            area[part] += fraction;
+                            area[part.part] += fraction;
                         }
                     }
                 }

@@ -245,7 +245,10 @@ impl FluidRun {
         };
         let points = world.body(self.body).material_of_point.iter().enumerate();
         let capillary = match &self.points {
-            Points::Lagrangian(points) => points.capillary_step(),
+            Points::Lagrangian(points) => {
+                let temperature = self.fields.interface_temperature.map(|t| world.read(t));
+                points.capillary_step(temperature.as_deref())
+            }
             Points::Eulerian(_) => f64::INFINITY,
         };
         points.map(limit).fold(capillary, f64::min)

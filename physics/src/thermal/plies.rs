@@ -29,7 +29,7 @@ use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::{Body, Face, Family, FamilySpec, SetupError, text};
 
 use super::interfaces::{Interfaces, MaterialPoints};
-use super::surface_depth::{DEEP, DEVIATING, deviation_of};
+use super::surface_depth::{Column, DEEP, DEVIATING};
 use crate::plies::{
     CompleteFamily, TensorBonds, fibre_factors, is_along, plane_direction, turned, uncut,
 };
@@ -292,7 +292,13 @@ fn edge_depth(
     (0..position.len())
         .filter(|p| middle(*p))
         .for_each(|p| row[layer(p)] = p);
-    let deviation = deviation_of(DEVIATING * reach, spacing, |number, visit| {
+    let column = Column {
+        known: DEVIATING * reach,
+        spacing,
+        distance: spacing,
+    };
+    let flux_into = |layer: usize| f64::from(u8::from(layer == 0));
+    let deviation = column.deviation(flux_into, |number, visit| {
         let point = row[number];
         family.for_each_bond(point, |_, bond, slot| {
             if let Some(other) = family.point_in(slot) {

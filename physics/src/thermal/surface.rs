@@ -14,10 +14,11 @@
 
 use std::rc::Rc;
 
+use perimelt_core::Body;
+use perimelt_core::body::SurfaceCell;
 use perimelt_core::solver::{ExactSum, Reducer};
 use perimelt_core::world::SurfaceDepths;
 use perimelt_core::world::exchange::{Exchange, SurfaceDepth, SurfaceLaw};
-use perimelt_core::{Body, Face};
 use rayon::prelude::*;
 
 use super::given::GivenHeat;
@@ -60,17 +61,18 @@ pub(super) enum SurfaceDistances {
 }
 
 impl SurfaceDistances {
-    /// Of a cell face of a point with this cosine ([`SurfaceCell::cosine`](perimelt_core::body::SurfaceCell::cosine)), m.
-    fn of(&self, body: &Body, point: usize, face: Face, cosine: f64) -> f64 {
+    /// Of a cell face of a point, m.
+    fn of(&self, body: &Body, cell: &SurfaceCell) -> f64 {
+        let (point, axis) = (cell.point as usize, cell.face.axis());
         let spacings = match (self, body.layers()) {
-            (SurfaceDistances::Bonds(depths), _) => depths.at(body, point, face),
-            (SurfaceDistances::Layers(edges), Some(layers)) if face.axis() < 2 => {
+            (SurfaceDistances::Bonds(depths), _) => depths.at(body, cell),
+            (SurfaceDistances::Layers(edges), Some(layers)) if axis < 2 => {
                 let material = body.material_of_point[point] as usize;
-                edges[layers.place(point).0][material][face.axis()]
+                edges[layers.place(point).0][material][axis] * cell.cosine()
             }
-            (SurfaceDistances::Layers(_), _) => return body.face_distance(point, face),
+            (SurfaceDistances::Layers(_), _) => return body.face_distance(point, cell.face),
         };
-        spacings * cosine * body.points.spacing[point]
+        spacings * body.points.spacing[point]
     }
 }
 
@@ -166,7 +168,7 @@ impl Surface {
         }
         self.versions = now.collect();
         self.changes += 1;
-        let mut all: Vec<(u32, Face, SurfaceDepth, f64, FaceLaw)> = Vec::new();
+        let mut all: Vec<(SurfaceCell, SurfaceDepth, FaceLaw)> = Vec::new();
         for (index, exchange) in self.exchanges.iter().enumerate() {
             let cells = exchange.cells();
             let here = cells.iter().enumerate();
@@ -179,35 +181,35 @@ impl Surface {
                             fraction: 1.0,
                             area: c.area,
                         };
-                        (c.point, c.face, exchange.depth, c.cosine(), part)
+                        (*c, exchange.depth, part)
                     }),
             );
         }
-        all.sort_by_key(|(point, face, depth, _, part)| {
-            (*point, *depth == SurfaceDepth::Plane, *face, part.exchange)
-        });
+        let place = |(cell, depth, _): &(SurfaceCell, _, _)| {
+            (cell.point, *depth == SurfaceDepth::Plane, cell.face)
+        };
+        all.sort_by_key(|part| (place(part), part.2.exchange));
         (self.faces, self.parts) = (Vec::new(), Vec::new());
-        for same in all.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
-            let (point, face, depth, cosine, _) = same[0];
-            let area = same.iter().map(|s| s.4.area).fold(0.0, f64::max);
+        for same in all.chunk_by(|a, b| place(a) == place(b)) {
+            let (cell, depth, _) = &same[0];
+            let area = same.iter().map(|s| s.2.area).fold(0.0, f64::max);
             if area == 0.0 {
                 continue;
             }
             let first = self.parts.len() as u32;
             self.parts.extend(same.iter().map(|s| FaceLaw {
-                fraction: s.4.area / area,
-                ..s.4
+                fraction: s.2.area / area,
+                ..s.2
             }));
-            let i = point as usize;
             let depth = match depth {
-                SurfaceDepth::Face => self.distances.of(body, i, face, cosine),
+                SurfaceDepth::Face => self.distances.of(body, cell),
                 SurfaceDepth::Plane => 0.0,
             };
             self.faces.push(ExposedFace {
-                point,
-                axis: face.axis() as u8,
+                point: cell.point,
+                axis: cell.face.axis() as u8,
                 depth,
-                area_over_volume: area / body.points.volume[i],
+                area_over_volume: area / body.points.volume[cell.point as usize],
                 parts: [first, self.parts.len() as u32],
             });
         }

@@ -375,7 +375,8 @@ fn thin_walls_have_the_resistances_of_thick_ones() {
             let family = wall.world.family(run.family);
             let body = wall.world.body(0);
             let last = body.points.len() - 1;
-            let depth = depths(body, &family).at(body, last, Face::XMax) * spacing;
+            let cell = body.surface_of([last].into_iter(), &[Face::XMax], |_| true)[0];
+            let depth = depths(body, &family).at(body, &cell) * spacing;
             let points = wall.world.body(0).points.position.iter();
             let outermost = points
                 .zip(wall.temperature())
@@ -415,7 +416,8 @@ fn the_surface_lies_where_the_linear_temperature_below_meets_it() {
         let run = &wall.physics;
         let family = wall.world.family(run.family);
         let body = wall.world.body(0);
-        let found = depths(body, &family).at(body, 39, Face::XMax);
+        let cell = body.surface_of([39].into_iter(), &[Face::XMax], |_| true)[0];
+        let found = depths(body, &family).at(body, &cell);
         assert!(
             (found - expected).abs() < 2e-3,
             "horizon {horizon}, {surfaces}: {found} {expected}"

@@ -228,10 +228,10 @@ impl LagrangianPoints {
         }
     }
 
-    /// Largest step (s) that the tension between two fluids allows.
-    pub(super) fn capillary_step(&self) -> f64 {
-        self.surface()
-            .map_or(f64::INFINITY, SurfaceForce::largest_step)
+    /// Largest step (s) that the tension between two fluids allows, with these temperatures (K) where it depends on them.
+    pub(super) fn capillary_step(&self, temperature: Option<&[f64]>) -> f64 {
+        let surface = self.surface();
+        surface.map_or(f64::INFINITY, |surface| surface.largest_step(temperature))
     }
 
     /// Measures the interface of two fluids.

@@ -136,11 +136,26 @@ impl SurfaceForce {
     }
 
     /// Largest step, `sqrt(rho dx^3 / (2 pi gamma)) / 4` with the smaller density (Wang (2025), eq. 8.114): a quarter of that of waves
-    /// at a lattice, since the curvature of points in disorder is noisy; s.
-    pub(super) fn largest_step(&self) -> f64 {
+    /// at a lattice, since the curvature of points in disorder is noisy; s. The tension is the largest one at the interface, with these
+    /// temperatures (K) where it depends on them.
+    pub(super) fn largest_step(&self, temperature: Option<&[f64]>) -> f64 {
         let [first, second] = self.pair.density;
-        let tension = self.pair.surface_tension;
+        let tension = match temperature {
+            Some(temperature) => {
+                let points = temperature.par_iter().enumerate();
+                let points = points.with_min_len(POINTS_PER_TASK);
+                let at_interface = points.filter(|(i, _)| self.is_at_interface(*i));
+                let tensions = at_interface.map(|(_, t)| self.tension.value(*t));
+                tensions.reduce(|| 0.0, f64::max)
+            }
+            None => self.pair.surface_tension,
+        };
         0.25 * (first.min(second) * self.spacing.powi(3) / (TAU * tension)).sqrt()
+    }
+
+    /// Whether a point belongs to the interface.
+    fn is_at_interface(&self, point: usize) -> bool {
+        self.steepness(point) > LEAST_GRADIENT / self.spacing
     }
 
     /// Takes the family of the points where they are now.
@@ -197,16 +212,13 @@ impl SurfaceForce {
     /// Finds the normals into the first fluid, and which points belong to the interface.
     fn find_normals(&mut self, family: &Family, position: &[Vector3<f64>]) {
         let mut normal = std::mem::take(&mut self.normal);
-        let least = LEAST_GRADIENT / self.spacing;
         let points = normal.par_iter_mut().zip(position).enumerate();
         let points = points.with_min_len(POINTS_PER_TASK);
         points.for_each(|(i, (normal, place))| {
-            let step = self.step(i);
-            let size = step.norm();
-            *normal = Vector3::zeros();
-            if size > least {
-                *normal = self.at_walls(step / size, place);
-            }
+            *normal = match self.is_at_interface(i) {
+                true => self.at_walls(self.step(i).normalize(), place),
+                false => Vector3::zeros(),
+            };
         });
         let is_selected = |i: usize| {
             if normal[i] == Vector3::zeros() {
@@ -389,6 +401,28 @@ mod tests {
             (sum - Vector3::new(stress, 0.0, 0.0)).norm() < 1e-9,
             "{sum}"
         );
+    }
+
+    /// The step follows the largest tension at the interface, whatever the temperatures away from it.
+    #[test]
+    fn the_largest_step_is_that_of_the_coldest_place_of_the_interface() {
+        let n = 20;
+        let (body, _, mut surface) = square(n, |x| x.y < 0.5, Vec::new());
+        let at_reference = surface.largest_step(None);
+        surface.tension = TensionLaw::linear(1.0, 300.0, -0.02);
+        let position = &body.points.position;
+        let near = |x: &Vector3<f64>| (x.y - 0.5).abs() < 0.2;
+        // a tension of 4 N/m in one column of the interface, 6 N/m far from it
+        let temperature: Vec<f64> = position
+            .iter()
+            .map(|x| match (near(x), x.x < 1.0 / n as f64) {
+                (true, false) => 300.0,
+                (true, true) => 150.0,
+                (false, _) => 50.0,
+            })
+            .collect();
+        let ratio = surface.largest_step(Some(&temperature)) / at_reference;
+        assert!((ratio - 0.5).abs() < 1e-12, "{ratio}");
     }
 
     /// A jump of the pressure by tension times curvature balances the force at a plane interface at any ratio of densities.
