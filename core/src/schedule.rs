@@ -28,6 +28,8 @@ pub struct Plan {
     pub amounts: Vec<Vec<FieldIndex>>,
     /// For each physics, the fields that it owns.
     pub owned: Vec<Vec<FieldIndex>>,
+    /// For each physics, the fields of its state: those that it owns, and those that it keeps for itself.
+    pub state: Vec<Vec<FieldIndex>>,
     /// For each physics, whether none of its couplers reads a field that it owns.
     pub one_way: Vec<bool>,
     /// All physics in the order in which they advance, those that advance together in one group.
@@ -130,6 +132,8 @@ impl Plan {
             sinks.retain(|f| writes.iter().any(|w| w.contains(f)));
             plan.sinks.push(sinks);
             plan.amounts.push(declared.fields(p, |a| a == Access::Take));
+            let kept = declared.fields(p, |a| a == Access::Keep);
+            plan.state.push([&owned[..], &kept].concat());
             plan.owned.push(owned);
         }
         plan.groups = plan.derive_groups(&declared, couplers, &is_exchange, |cycle| {

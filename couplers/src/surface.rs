@@ -141,7 +141,7 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
                 message,
                 "no `region`, or the body with the coarser points",
             );
-            setup.refuse(body, Change::Window, error);
+            setup.refuse(body, Change::Window, error)?;
         }
         let cells = select(setup, body, faces, region)?;
         let points = region.map(|name| setup.region(body, "region", name));

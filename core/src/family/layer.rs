@@ -335,9 +335,9 @@ impl Family {
         self.slots.ghosts.len()
     }
 
-    /// Whether there are layer points.
+    /// Whether the body continues in layers behind faces, also where a part has none of their points.
     pub fn has_layers(&self) -> bool {
-        !self.slots.ghosts.is_empty()
+        !self.spec.layers.is_empty()
     }
 
     /// The layer points as images of points, for the vector field of `continuation`.

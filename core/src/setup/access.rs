@@ -11,6 +11,8 @@ use crate::world::facts::Fact;
 pub enum Access {
     /// State that it advances.
     Own,
+    /// State that it keeps for itself from step to step: saved with checkpoints, but neither logged nor read by others.
+    Keep,
     /// Sums that it takes up; zeroed before each round of additions.
     Consume,
     /// Amounts that it takes up once, at the start of a step; zeroed before each round of additions and before a
@@ -43,7 +45,7 @@ impl Access {
 
     /// Whether it changes a field in a way that no other plugin may.
     fn excludes(self, other: Access) -> bool {
-        let computes = |a: Access| matches!(a, Access::Own | Access::Write);
+        let computes = |a: Access| matches!(a, Access::Own | Access::Keep | Access::Write);
         computes(self) && computes(other) || self.consumes() && other.consumes()
     }
 
@@ -151,6 +153,19 @@ impl Setup<'_> {
     /// When somebody else writes it, or it is known with another type.
     pub fn own<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Write<T>, SetupError> {
         self.declare(body, key, Access::Own).map(Write::new)
+    }
+
+    /// A field that the calling physics keeps for itself from step to step, such as the force of the last step. Processes that share a body
+    /// exchange it as they do state that the physics advances ([`Setup::own`]).
+    ///
+    /// # Errors
+    /// See [`Setup::own`].
+    pub fn keep<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<Write<T>, SetupError> {
+        self.declare(body, key, Access::Keep).map(Write::new)
     }
 
     /// A sink field that the calling physics takes up.

@@ -24,13 +24,25 @@ impl Setup<'_> {
 
     /// Refuses the calling plugin with `error`, should `change` happen to the points of a body although plugins of its type
     /// support that.
-    pub fn refuse(&mut self, body: BodyIndex, change: Change, error: SetupError) {
+    ///
+    /// # Errors
+    /// `error`, where it is known already that the change happens.
+    pub fn refuse(
+        &mut self,
+        body: BodyIndex,
+        change: Change,
+        error: SetupError,
+    ) -> Result<(), SetupError> {
+        if self.world.changes[body].contains(change) {
+            return Err(error);
+        }
         self.refused.push(RefusedChange {
             plugin: self.current,
             body,
             change,
             error,
         });
+        Ok(())
     }
 
     /// Declares that the calling coupler deposits material on a body ([`Change::Births`]) or cuts it off ([`Change::Cuts`])

@@ -493,7 +493,9 @@ fn a_plugin_may_refuse_a_change_that_its_type_supports() {
         setup.next_plugin("another");
         setup.next_plugin("source");
         let error = SetupError::value("faces", "the points move", "points at rest");
-        setup.refuse(0, Change::Motion, error);
+        setup
+            .refuse(0, Change::Motion, error)
+            .expect("not known yet");
         setup.next_physics("fluid");
         setup
             .publish(moved, Description::UpdatedLagrangian)

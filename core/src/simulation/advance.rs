@@ -133,7 +133,7 @@ impl Simulation {
                 self.check_state(p, step)?;
             }
             let work = advanced?;
-            self.world.exchange(&self.plan.owned[p]);
+            self.world.exchange(&self.plan.state[p]);
             self.clock.progress.sub_steps[p] += 1;
             self.clock.progress.iterations[p] += work.iterations as u64;
             self.clock.progress.evaluations[p] += work.evaluations as u64;

@@ -13,11 +13,11 @@ use crate::field::{Data, FieldIndex};
 use crate::plugin::{RunningCoupler, RunningPhysics};
 use crate::stepping::{Step, Update};
 
-/// Values of the owned fields of a physics, and its packed internal state.
+/// Values of the fields of the state of a physics, and its packed internal state.
 pub(super) type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);
 
 /// Version of the layout of checkpoints, those of plugins included.
-const FORMAT: u32 = 10;
+const FORMAT: u32 = 11;
 
 /// A field with its values as bytes, little-endian.
 #[derive(Serialize, Deserialize)]
@@ -70,8 +70,8 @@ impl Serialize for PluginState<'_> {
 
 impl Simulation {
     pub(super) fn save_physics(&self) -> Result<Vec<SavedPhysics>, RunError> {
-        let save = |(p, owned): (&Ready<dyn RunningPhysics>, &Vec<FieldIndex>)| {
-            let fields = owned
+        let save = |(p, state): (&Ready<dyn RunningPhysics>, &Vec<FieldIndex>)| {
+            let fields = state
                 .iter()
                 .map(|&f| self.world.fields.field(f).data().flat().to_vec())
                 .collect();
@@ -79,7 +79,7 @@ impl Simulation {
         };
         self.physics
             .iter()
-            .zip(&self.plan.owned)
+            .zip(&self.plan.state)
             .map(save)
             .collect()
     }
@@ -89,7 +89,7 @@ impl Simulation {
         p: usize,
         saved: &SavedPhysics,
     ) -> Result<(), RunError> {
-        for (&f, values) in self.plan.owned[p].iter().zip(&saved.0) {
+        for (&f, values) in self.plan.state[p].iter().zip(&saved.0) {
             self.world
                 .fields
                 .field(f)
@@ -126,7 +126,7 @@ impl Simulation {
     /// # Errors
     /// When a plugin's state cannot be serialised, or `out` cannot be written.
     pub fn save_to(&self, mut out: &mut dyn io::Write) -> Result<(), RunError> {
-        let fields = self.lasting_indices().map(|i| self.world.fields.field(i));
+        let fields = self.saved_indices().map(|i| self.world.fields.field(i));
         let fields = fields.map(|f| SavedField {
             body: f.body,
             name: f.name.clone(),
@@ -182,7 +182,8 @@ impl Simulation {
         self.check_clock(&saved.clock).map_err(misfit)?;
         let named = |f: &SavedField<ByteBuf>| (f.body, f.name.clone());
         let mut present: Vec<_> = saved.fields.iter().map(named).collect();
-        let mut expected: Vec<_> = self.lasting().map(|f| (f.body, f.name.clone())).collect();
+        let saved_fields = self.saved_indices().map(|i| self.world.fields.field(i));
+        let mut expected: Vec<_> = saved_fields.map(|f| (f.body, f.name.clone())).collect();
         present.sort();
         expected.sort();
         if let Some((_, name)) = expected.iter().find(|f| present.binary_search(f).is_err()) {

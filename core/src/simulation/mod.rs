@@ -284,7 +284,7 @@ impl Simulation {
     pub fn start(&mut self) -> Result<(), RunError> {
         for (p, physics) in self.physics.iter_mut().enumerate() {
             physics.plugin.start(&self.world)?;
-            self.world.exchange(&self.plan.owned[p]);
+            self.world.exchange(&self.plan.state[p]);
         }
         self.find_steps();
         self.apply_all(Step::new(0.0, 0.0))?;
@@ -382,6 +382,17 @@ impl Simulation {
     pub fn lasting(&self) -> impl Iterator<Item = &crate::field::Field> {
         self.lasting_indices()
             .map(|i| self.observed().fields.field(i))
+    }
+
+    /// [`Simulation::lasting`], and what physics keep for themselves.
+    fn saved_indices(&self) -> impl Iterator<Item = usize> {
+        let state = self
+            .plan
+            .state
+            .iter()
+            .zip(&self.plan.owned)
+            .flat_map(|(s, owned)| &s[owned.len()..]);
+        self.lasting_indices().chain(state.copied())
     }
 
     fn lasting_indices(&self) -> impl Iterator<Item = usize> {

@@ -25,6 +25,11 @@ impl Reducer {
         }
     }
 
+    /// Of points that no other process has a part of.
+    pub fn alone(points: usize) -> Self {
+        Reducer::new(points, points, Processes::ALONE)
+    }
+
     /// Number of points that this process owns, the first ones.
     pub fn owned(&self) -> usize {
         self.owned
@@ -76,6 +81,23 @@ impl Reducer {
     pub fn total(&self, mut own: ExactSum) -> f64 {
         own.add_up(&self.processes);
         own.value()
+    }
+
+    /// The largest of what processes have found, if any has, with the numbers that belong to it; those of the first process where several have found
+    /// the same.
+    pub fn largest<const N: usize>(&self, own: Option<(f64, [f64; N])>) -> Option<(f64, [f64; N])> {
+        if self.processes.size() == 1 {
+            return own;
+        }
+        let size = self.max(own.map_or(f64::NEG_INFINITY, |own| own.0));
+        let rank = self.processes.rank() as f64;
+        let found = own.filter(|own| own.0 == size);
+        let first = self.min(found.map_or(f64::INFINITY, |_| rank));
+        let found = found.filter(|_| rank == first);
+        let numbers = std::array::from_fn(|n| {
+            self.max(found.map_or(f64::NEG_INFINITY, |(_, numbers)| numbers[n]))
+        });
+        first.is_finite().then_some((size, numbers))
     }
 
     /// The largest number of all processes, NaN if there is one.

@@ -14,18 +14,20 @@ pub struct VerletState<'a> {
     pub displacement: &'a mut [f64],
     /// Velocity (m/s).
     pub velocity: &'a mut [f64],
+    /// Force (N) (or its density) at the end of the last step, where the stepper knows it; then that at the end of this one.
+    pub force: &'a mut [f64],
     /// `1 / m` (1/kg) (or 1/density, with force densities). Zero for components that keep
     /// their velocity whatever the force: held or driven points.
     pub inverse_mass: &'a [f64],
 }
 
 impl VerletState<'_> {
-    fn check(&self, dt: f64) -> Result<usize, SolverError> {
+    fn check(&self, dt: f64) -> Result<(), SolverError> {
         positive("the time step [s]", dt)?;
         let n = self.displacement.len();
         same_length("the velocity", n, self.velocity.len())?;
-        same_length("the inverse mass", n, self.inverse_mass.len())?;
-        Ok(n)
+        same_length("the force", n, self.force.len())?;
+        same_length("the inverse mass", n, self.inverse_mass.len())
     }
 }
 
@@ -105,14 +107,13 @@ impl HalfKick<'_> {
 /// v_new  = ((1 - c dt/4) v_half + dt/2 F(t + dt, u_new)/m) / (1 + c dt/4)
 /// ```
 ///
-/// One force per step: the force at the end serves the next step. It is part of the state and
-/// goes into a checkpoint with `serde`. After a load jumped or the displacement was changed from outside, call
-/// [`Verlet::forget_force`].
+/// One force per step: the force at the end serves the next step, and is part of the state as the velocity is. After a load jumped or
+/// the displacement was changed from outside, call [`Verlet::forget_force`].
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Verlet {
     /// Mass-proportional damping rate `c` (1/s); 0 for none. Stable for any value.
     pub damping: f64,
-    force: Vec<f64>,
+    knows_force: bool,
 }
 
 impl Verlet {
@@ -120,18 +121,33 @@ impl Verlet {
     pub fn new(damping: f64) -> Self {
         Self {
             damping,
-            force: Vec::new(),
+            knows_force: false,
         }
     }
 
-    /// The force at the start of the next step; empty if that step has to evaluate it.
-    pub fn force(&self) -> &[f64] {
-        &self.force
+    /// Whether [`VerletState::force`] is that at the start of the next step; otherwise that step evaluates it.
+    pub fn knows_force(&self) -> bool {
+        self.knows_force
     }
 
     /// Makes the next step evaluate the force at its start.
     pub fn forget_force(&mut self) {
-        self.force.clear();
+        self.knows_force = false;
+    }
+
+    /// Evaluates the force at `time` (s), the start of the next step.
+    ///
+    /// # Errors
+    /// Those of the force.
+    pub fn find_force(
+        &mut self,
+        time: f64,
+        motion: &mut VerletState<'_>,
+        dynamics: &mut impl Dynamics,
+    ) -> Result<(), SolverError> {
+        dynamics.force(time, motion.displacement, motion.force)?;
+        self.knows_force = true;
+        Ok(())
     }
 
     /// Advances the motion from `time` by `dt` (s).
@@ -145,21 +161,21 @@ impl Verlet {
         motion: VerletState,
         mut dynamics: impl Dynamics,
     ) -> Result<(), SolverError> {
-        let n = motion.check(dt)?;
+        let mut motion = motion;
+        motion.check(dt)?;
+        if !self.knows_force {
+            self.find_force(time, &mut motion, &mut dynamics)?;
+        }
         let VerletState {
             displacement,
             velocity,
+            force,
             inverse_mass,
         } = motion;
-        if self.force.len() != n {
-            let mut first = vec![0.0; n];
-            dynamics.force(time, displacement, &mut first)?;
-            self.force = first;
-        }
         let kick = HalfKick {
             displacement,
             velocity,
-            force: &self.force,
+            force,
             duration: 0.5 * dt,
             friction: 0.25 * self.damping * dt,
         };
@@ -167,26 +183,26 @@ impl Verlet {
         let kicked = kick.rule();
         update_both(
             [velocity, displacement],
-            [&self.force, inverse_mass],
+            [&*force, inverse_mass],
             |[v, u], [force, inverse_mass]| {
                 let v = kicked(v, force, inverse_mass);
                 [v, u + dt * v]
             },
         );
-        if let Err(error) = dynamics.force(time + dt, displacement, &mut self.force) {
+        if let Err(error) = dynamics.force(time + dt, displacement, force) {
             self.forget_force();
             return Err(error);
         }
         dynamics.before_half_kick(&HalfKick {
             displacement,
             velocity,
-            force: &self.force,
+            force,
             duration: 0.5 * dt,
             friction: 0.25 * self.damping * dt,
         });
         update(
             velocity,
-            [&self.force, inverse_mass],
+            [&*force, inverse_mass],
             |v, [force, inverse_mass]| kicked(v, force, inverse_mass),
         );
         Ok(())
@@ -204,7 +220,7 @@ mod tests {
     }
 
     fn swing(damping: f64, steps: usize, end: f64) -> (f64, f64, f64) {
-        let (mut u, mut v) = ([1.0], [0.0]);
+        let (mut u, mut v, mut f) = ([1.0], [0.0], [0.0]);
         let mut verlet = Verlet::new(damping);
         let dt = end / steps as f64;
         let mut energy_drift = 0f64;
@@ -212,6 +228,7 @@ mod tests {
             let motion = VerletState {
                 displacement: &mut u,
                 velocity: &mut v,
+                force: &mut f,
                 inverse_mass: &[1.0],
             };
             verlet.step(n as f64 * dt, dt, motion, spring).unwrap();
@@ -234,13 +251,14 @@ mod tests {
     #[test]
     fn forces_that_depend_on_time_are_those_of_the_end_of_a_step() {
         let error = |steps: usize| {
-            let (mut u, mut v) = ([0.0], [0.0]);
+            let (mut u, mut v, mut f) = ([0.0], [0.0], [0.0]);
             let mut verlet = Verlet::new(0.0);
             let dt = 1.0 / steps as f64;
             for n in 0..steps {
                 let motion = VerletState {
                     displacement: &mut u,
                     velocity: &mut v,
+                    force: &mut f,
                     inverse_mass: &[1.0],
                 };
                 let force = |time: f64, _: &[f64], f: &mut [f64]| {
@@ -266,12 +284,13 @@ mod tests {
 
     #[test]
     fn a_component_of_no_inverse_mass_keeps_its_velocity() {
-        let (mut u, mut v) = ([0.0, 1.0], [3.0, 0.0]);
+        let (mut u, mut v, mut f) = ([0.0, 1.0], [3.0, 0.0], [0.0; 2]);
         let mut verlet = Verlet::new(0.7);
         for n in 0..10 {
             let motion = VerletState {
                 displacement: &mut u,
                 velocity: &mut v,
+                force: &mut f,
                 inverse_mass: &[0.0, 1.0],
             };
             verlet
@@ -289,7 +308,7 @@ mod tests {
     #[test]
     fn a_run_resumed_from_saved_state_goes_on_with_the_same_bits() {
         let run = |split: bool| {
-            let (mut u, mut v) = ([1.0], [0.3]);
+            let (mut u, mut v, mut f) = ([1.0], [0.3], [0.0]);
             let mut verlet = Verlet::new(0.1);
             for n in 0..20 {
                 if split && n == 7 {
@@ -299,6 +318,7 @@ mod tests {
                 let motion = VerletState {
                     displacement: &mut u,
                     velocity: &mut v,
+                    force: &mut f,
                     inverse_mass: &[1.0],
                 };
                 verlet.step(n as f64 * 0.1, 0.1, motion, spring).unwrap();

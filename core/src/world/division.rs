@@ -10,7 +10,7 @@ use std::cell::RefCell;
 use super::{BodyIndex, World};
 use crate::body::{Horizon, Part, partition};
 use crate::error::SetupError;
-use crate::field::FieldIndex;
+use crate::field::{FieldIndex, Write};
 use crate::solver::Reducer;
 use crate::transport::{Message, Processes};
 
@@ -167,6 +167,12 @@ impl World {
             let exchange = division.find_exchange(&self.processes, &is_needed);
             *division.exchange.borrow_mut() = exchange;
         }
+    }
+
+    /// Brings a field that the calling physics owns or keeps, at the points of other processes, the values of their owners. Collective. Needed
+    /// within a step only: afterwards it is done for all fields.
+    pub fn bring_remote<T>(&self, field: Write<T>) {
+        self.exchange(&[field.field]);
     }
 
     /// Brings fields at the points of other processes the values of their owners.

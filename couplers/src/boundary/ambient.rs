@@ -293,7 +293,7 @@ impl Ambient {
             );
             let expected = "a body whose points stay, such as a gas in the Eulerian description";
             let error = SetupError::value("ambient", message, expected);
-            setup.refuse(around, change, error);
+            setup.refuse(around, change, error)?;
         }
         let is_two_way = ambient.exchange == ExchangeKind::TwoWay;
         if is_two_way {

@@ -97,7 +97,7 @@ impl RunningCoupler for RunningClamp {
     }
 }
 
-perimelt_core::register_coupler!("clamp", Clamp, supports: [Births, Cuts, Layers]);
+perimelt_core::register_coupler!("clamp", Clamp, supports: [Births, Cuts, Layers, Division]);
 
 #[cfg(test)]
 mod tests {

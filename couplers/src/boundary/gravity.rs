@@ -52,7 +52,7 @@ impl RunningCoupler for RunningGravity {
     }
 }
 
-perimelt_core::register_coupler!("gravity", Gravity, supports: [Motion, Flow, Births, Cuts, Layers]);
+perimelt_core::register_coupler!("gravity", Gravity, supports: [Motion, Flow, Births, Cuts, Layers, Division]);
 
 #[cfg(test)]
 mod tests {

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::body::{Points, SurfaceCell};
+use perimelt_core::solver::ExactSum;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::world::{BodyIndex, LoadedFaces};
 use perimelt_core::{Setup, SetupError, World, Write, keys};
@@ -39,18 +40,21 @@ impl SurfaceForce {
         let points = &world.body(self.body).points;
         let mut body_force = world.write(self.body_force);
         let mut moment = self.moment.map(|moment| world.write(moment));
-        let mut whole = Vector3::zeros();
+        let reducer = world.reducer(self.body);
+        let mut whole: [ExactSum; 3] = Default::default();
         for (index, cell) in with_material(world, self.body, cells) {
             let point = cell.point as usize;
             let force = force_on((index, cell));
-            whole += force;
+            if point < reducer.owned() {
+                (0..3).for_each(|axis| whole[axis].add(force[axis]));
+            }
             let density = force / points.volume[point];
             body_force[point] += density;
             if let Some(moment) = &mut moment {
                 moment[point] += density * arm(points, cell).transpose();
             }
         }
-        whole
+        whole.map(|sum| reducer.total(sum)).into()
     }
 }
 

@@ -3,14 +3,15 @@
 //! Temperature is even; of displacement and velocity the normal component is odd and the others are
 //! even. Only the fields that the case has are mirrored.
 
-use perimelt_core::world::LayerHandle;
+use perimelt_core::family::LayerRule;
 use perimelt_core::world::SymmetryPlane;
 use perimelt_core::{
-    Coupler, Face, LayerRole, Prepared, RunError, RunningCoupler, Setup, SetupError, Step,
-    Stepping, World, keys,
+    Coupler, Face, LayerRole, Prepared, RunningCoupler, Setup, SetupError, Stepping, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use super::Idle;
 
 /// A face in which the body is mirrored.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -21,13 +22,6 @@ pub struct Symmetry {
     pub body: Option<String>,
     /// Face of the body's box, such as `"y-"`.
     pub face: Face,
-}
-
-/// A plane of symmetry that is ready to act.
-struct RunningSymmetry {
-    face: Face,
-    /// Layers of vector fields.
-    vectors: [LayerHandle; 2],
 }
 
 #[typetag::serialize(name = "symmetry")]
@@ -41,27 +35,21 @@ impl Coupler for Symmetry {
         let body = setup.find_body(self.body.as_deref())?;
         // a fresh layer is even
         setup.layer(body, &keys::TEMPERATURE, self.face, LayerRole::IfProvided)?;
-        let mut layer = |vector| setup.layer(body, vector, self.face, LayerRole::IfProvided);
-        let vectors = [layer(&keys::DISPLACEMENT)?, layer(&keys::VELOCITY)?];
+        let mut scale = [1.0; 3];
+        scale[self.face.axis()] = -1.0;
+        for vector in [&keys::DISPLACEMENT, &keys::VELOCITY] {
+            let layer = setup.layer(body, vector, self.face, LayerRole::IfProvided)?;
+            let rule = LayerRule {
+                scale,
+                ..LayerRule::even(self.face)
+            };
+            setup.announce_layer(layer, rule);
+        }
         setup.stepping(Stepping {
             is_steady: true,
             ..Stepping::default()
         });
-        Ok(Box::new(RunningSymmetry {
-            face: self.face,
-            vectors,
-        }))
-    }
-}
-
-impl RunningCoupler for RunningSymmetry {
-    fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        let mut scale = [1.0; 3];
-        scale[self.face.axis()] = -1.0;
-        for layer in self.vectors {
-            world.set_layer(layer, scale, [0.0; 3]);
-        }
-        Ok(())
+        Ok(Box::new(Idle))
     }
 }
 
@@ -70,20 +58,19 @@ perimelt_core::register_coupler!("symmetry", Symmetry, supports: [Motion, Flow, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{STEEL, apply, block, prepare, read};
+    use crate::testing::{STEEL, block, prepare, read};
+    use perimelt_core::World;
 
     #[test]
     fn the_normal_displacement_is_odd_and_temperature_need_not_exist() {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
-        let (mut boundary, layers) =
-            prepare(&mut world, read::<Symmetry>("face = 'y-'"), |setup| {
-                setup.own(0, &keys::DISPLACEMENT).expect("free");
-                setup.layers(0, &keys::DISPLACEMENT)
-            })
-            .expect("a case without temperature is fine");
+        let (_, layers) = prepare(&mut world, read::<Symmetry>("face = 'y-'"), |setup| {
+            setup.own(0, &keys::DISPLACEMENT).expect("free");
+            setup.layers(0, &keys::DISPLACEMENT)
+        })
+        .expect("a case without temperature is fine");
         assert_eq!(layers.faces(), [Face::YMin]);
         assert_eq!(layers.prescribed, []);
-        apply(&world, &mut *boundary, 0.0);
         let rule = &world.layer_rules(layers.handle)[0];
         assert_eq!((rule.scale, rule.offset), ([1.0, -1.0, 1.0], [0.0; 3]));
     }

@@ -239,7 +239,7 @@ impl RunningCoupler for RunningTraction {
     }
 }
 
-perimelt_core::register_coupler!("traction", Traction, supports: [Births, Cuts, Layers]);
+perimelt_core::register_coupler!("traction", Traction, supports: [Births, Cuts, Layers, Division]);
 
 #[cfg(test)]
 mod tests {

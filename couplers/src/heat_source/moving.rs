@@ -145,14 +145,16 @@ impl<S: SourceShape> MovingSource<S> {
     }
 
     /// Refuses what processes cannot share yet.
-    fn refuse_division(&self, setup: &mut Setup<'_>, body: BodyIndex) {
+    fn refuse_division(&self, setup: &mut Setup<'_>, body: BodyIndex) -> Result<(), SetupError> {
         let is_even = setup.body(body).lattice().is_some() && self.shape.absorber().is_none();
-        if !is_even {
-            let message = "several processes share sources on lattices without an interface or a keyhole only";
-            let expected = "another source or body, or one process";
-            let error = SetupError::value("", message, expected);
-            setup.refuse(body, Change::Division, error);
+        if is_even {
+            return Ok(());
         }
+        let message =
+            "several processes share sources on lattices without an interface or a keyhole only";
+        let expected = "another source or body, or one process";
+        let error = SetupError::value("", message, expected);
+        setup.refuse(body, Change::Division, error)
     }
 
     /// Declares the field on which the absorption depends.
@@ -193,7 +195,7 @@ impl<S: SourceShape> MovingSource<S> {
         let mut depositor = Depositor::new(&self.shape, &grid)?;
         match depositor.check_cells() {
             Err(e) if body.lattice().is_none() => return Err(e),
-            Err(e) => setup.refuse(index, Change::Motion, e),
+            Err(e) => setup.refuse(index, Change::Motion, e)?,
             Ok(()) => {}
         }
         let body = setup.body(index);
@@ -206,7 +208,7 @@ impl<S: SourceShape> MovingSource<S> {
             _ => length,
         };
         let speed = path.track().fastest();
-        self.refuse_division(setup, index);
+        self.refuse_division(setup, index)?;
         self.warn_of_size(setup, index);
         path.prepare(setup, index)?;
         let first = path.track().pose(path.track().start());

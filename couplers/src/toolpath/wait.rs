@@ -74,7 +74,7 @@ impl WaitUntil {
                 let message = "several processes share no `wait_until.at`";
                 let expected = "`region`, the whole body, or one process";
                 let error = SetupError::value("toolpath", message, expected);
-                setup.refuse(body, Change::Division, error);
+                setup.refuse(body, Change::Division, error)?;
                 let body = setup.body(body);
                 let (min, max) = body.bounds();
                 let margin = body.finest_spacing();

@@ -1,7 +1,7 @@
 //! Energies of an explicit body.
 
 use nalgebra::Vector3;
-use perimelt_core::solver::reduce::sum_points;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Report, World};
 use serde::{Deserialize, Serialize};
 
@@ -52,7 +52,8 @@ impl MechanicalRun {
         let volume = &world.body(self.body).points.volume;
         let wanted = Wanted::energy(EnergyKind::Elastic);
         let elastic = self.solid.evaluate(wanted).energy;
-        let [elastic] = sum_points(volume.len(), |i| [elastic[i][0] * volume[i]]);
+        let points = world.reducer(self.body);
+        let [elastic] = points.sum_points(|i| [elastic[i][0] * volume[i]]);
         let kinetic = self.fields.velocity.map_or(0.0, |velocity| {
             let velocity = world.read::<Vector3<f64>>(velocity.into());
             let nodes = self.nodes();
@@ -62,7 +63,8 @@ impl MechanicalRun {
             let added = self.solid.added_kinetic_energy(of_nodes, volume);
             let square = |i: usize| Vector3::from(velocity[i]).norm_squared();
             let of_node = |i: usize| 0.5 * density[i] * volume[i] * square(i);
-            sum_points(volume.len(), |i| [of_node(i)])[0] + added
+            let [sum] = self.node_reducer(world).sum_points(|i| [of_node(i)]);
+            sum + added
         });
         Energy {
             kinetic,
@@ -73,8 +75,7 @@ impl MechanicalRun {
 
     /// Potential energy of the body force in the last force, J; zero before the first step.
     pub(super) fn potential(&self, world: &World) -> f64 {
-        let body_force = &self.state.loaded_body_force[..];
-        if body_force.is_empty() {
+        if !self.state.has_loads_in_force {
             return 0.0;
         }
         let volume = self.nodes().volumes(world.body(self.body));
@@ -82,19 +83,22 @@ impl MechanicalRun {
         let displacement = self
             .nodes()
             .values(&displacement, &self.state.corners.displacement);
-        -work_of(volume, body_force, displacement)
+        let nodes = self.node_reducer(world);
+        self.with_loads_in_force(world, |loads| {
+            -work_of(&nodes, volume, [loads, displacement])
+        })
     }
 }
 
 /// `sum_i V_i f_i . u_i` of force densities f (N/m³) and displacements u (m), three components for each point, J.
-pub(super) fn work_of(volume: &[f64], force: &[f64], displacement: &[f64]) -> f64 {
+pub(super) fn work_of(nodes: &Reducer, volume: &[f64], [force, displacement]: [&[f64]; 2]) -> f64 {
     let (force, _) = force.as_chunks::<3>();
     let (displacement, _) = displacement.as_chunks::<3>();
     let of_point = |i: usize| {
         let ([fx, fy, fz], [ux, uy, uz]) = (force[i], displacement[i]);
         [volume[i] * (fx * ux + fy * uy + fz * uz)]
     };
-    sum_points(volume.len(), of_point)[0]
+    nodes.sum_points(of_point)[0]
 }
 
 #[cfg(test)]
@@ -106,7 +110,8 @@ mod tests {
         let force = [1.0, 2.0, 3.0, -4.0, 5.0, 6.0];
         let displacement = [0.5, 0.25, 2.0, 1.0, 3.0, -1.0];
         // 7 J/m³ over 2 m³, and 5 J/m³ over 3 m³
-        assert_eq!(work_of(&[2.0, 3.0], &force, &displacement), 29.0);
+        let work = work_of(&Reducer::alone(2), &[2.0, 3.0], [&force, &displacement]);
+        assert_eq!(work, 29.0);
     }
 
     #[test]

@@ -27,7 +27,6 @@
 //! H is compared with its bound at the end of the first step, in intervals, and before a state is logged.
 
 use nalgebra::Vector3;
-use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::{RunError, Step, World};
 use serde::{Deserialize, Serialize};
 
@@ -160,7 +159,7 @@ impl MechanicalRun {
         self.find_stiffness(world);
         let (stiffness, before) = (&self.scratch.stiffness, &self.state.watch.eigenstrain);
         let of_point = |i: usize| 0.5 * stiffness[i] * (eigenstrain[i] - before[i]).powi(2);
-        let [energy] = sum_points(before.len(), |i| [of_point(i)]);
+        let [energy] = world.reducer(self.body).sum_points(|i| [of_point(i)]);
         let watch = &mut self.state.watch;
         watch.amplitude += energy.sqrt();
         watch.eigenstrain.copy_from_slice(eigenstrain);
@@ -186,7 +185,7 @@ impl MechanicalRun {
                 std::array::from_fn(|c| (strains[i][c] - stress_free[i][c]).powi(2));
             0.5 * stiffness[i] * (xx + yy + zz + 2.0 * (xy + yz + zx))
         };
-        let [energy] = sum_points(strains.len(), |i| [of_point(i)]);
+        let [energy] = world.reducer(self.body).sum_points(|i| [of_point(i)]);
         stress_free.copy_from_slice(strains);
         self.state.watch.amplitude += energy.sqrt();
     }
@@ -225,7 +224,7 @@ impl MechanicalRun {
             let late = lag * volume[i] * change * (stress - seen[i]);
             [reversible + late, change.abs()]
         };
-        let [work, change] = sum_points(before.len(), of_point);
+        let [work, change] = world.reducer(self.body).sum_points(of_point);
         if change > 0.0 {
             watch.work += work;
             watch.eigenstrain.copy_from_slice(now);
@@ -285,7 +284,8 @@ impl MechanicalRun {
         let volume = &world.body(self.body).points.volume;
         let wanted = Wanted::energy(EnergyKind::Total);
         let density = self.solid.evaluate(wanted).energy;
-        let [energy] = sum_points(volume.len(), |i| [volume[i] * density[i][0]]);
+        let points = world.reducer(self.body);
+        let [energy] = points.sum_points(|i| [volume[i] * density[i][0]]);
         let of_unit = energy.max(0.0).sqrt() / offset;
         self.scratch.of_offset[layer][axis] = Some(of_unit);
         of_unit
@@ -308,13 +308,13 @@ impl MechanicalRun {
 
     /// Adds half of the work that held components do which moved in this step, at the forces before or after it.
     pub(super) fn add_half_work_of_held(&mut self, world: &World) {
-        let force = self.state.verlet.force();
-        if force.is_empty() {
-            self.state.watch.renew();
-            return;
-        }
         let volume = self.nodes().volumes(world.body(self.body));
-        self.state.watch.work -= 0.5 * work_of(volume, force, &self.work);
+        let nodes = self.node_reducer(world);
+        let work = self.with_force(world, |force| work_of(&nodes, volume, [force, &self.work]));
+        match work {
+            Some(work) => self.state.watch.work -= 0.5 * work,
+            None => self.state.watch.renew(),
+        }
     }
 
     /// Ends a step, and compares the energy if it is time for a sample.
@@ -325,6 +325,7 @@ impl MechanicalRun {
         let time = step.end();
         self.scratch.step = step.size;
         let stiffening = self.solid.base_mut().take_stiffening();
+        let stiffening = world.reducer(self.body).max(stiffening);
         let watch = &mut self.state.watch;
         watch.steps += 1;
         let work = std::mem::take(&mut watch.work);
@@ -410,18 +411,22 @@ impl MechanicalRun {
         let volume = &world.body(self.body).points.volume;
         let of_strain = |i: usize| {
             let moduli = self.solid.base().moduli_of(i);
-            volume[i] * (moduli.lame.abs() + 2.0 * moduli.shear) * ROUNDING * ROUNDING
+            [volume[i] * (moduli.lame.abs() + 2.0 * moduli.shear) * ROUNDING * ROUNDING]
         };
-        let (loads, _) = self.state.loaded_body_force.as_chunks::<3>();
-        let nodes = self.nodes().volumes(world.body(self.body));
-        let of_load = |(i, load): (usize, &[f64; 3])| {
-            let square: f64 = load.iter().map(|b| b * b).sum();
-            0.5 * self.scratch.step.powi(2) * nodes[i] * square / self.node_density[i]
-        };
-        let with_material = |(i, _): &(usize, &[f64; 3])| self.node_density[*i] > 0.0;
-        let loads = loads.iter().enumerate().filter(with_material);
-        let of_loads: f64 = loads.map(of_load).sum();
-        let of_strains: f64 = (0..volume.len()).map(of_strain).sum();
+        let [of_strains] = world.reducer(self.body).sum_points(of_strain);
+        let volume = self.nodes().volumes(world.body(self.body));
+        let nodes = self.node_reducer(world);
+        let of_loads = self.with_loads_in_force(world, |loads| {
+            let (loads, _) = loads.as_chunks::<3>();
+            let of_load = |i: usize| {
+                let Some(load) = loads.get(i).filter(|_| self.node_density[i] > 0.0) else {
+                    return [0.0];
+                };
+                let square: f64 = load.iter().map(|b| b * b).sum();
+                [0.5 * self.scratch.step.powi(2) * volume[i] * square / self.node_density[i]]
+            };
+            nodes.sum_points(of_load)[0]
+        });
         of_strains + of_loads + ROUNDING_OF_SUMS * energy.potential.abs()
     }
 

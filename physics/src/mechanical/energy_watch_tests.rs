@@ -125,9 +125,12 @@ impl Loaded {
         let run = &mut self.mechanical.run;
         let total = run.energy(&self.world).total();
         let volume = run.nodes().volumes(self.world.body(0));
-        let (force, inverse) = (run.state.verlet.force(), &run.free_inverse_density);
-        let square = |i: usize| force[i] * force[i] * inverse[i] * volume[i / 3];
-        let [squares] = sum_points(force.len(), |i| [square(i)]);
+        let inverse = &run.free_inverse_density;
+        let squares = run.with_force(&self.world, |force| {
+            let square = |i: usize| force[i] * force[i] * inverse[i] * volume[i / 3];
+            sum_points(force.len(), |i| [square(i)])[0]
+        });
+        let squares = squares.expect("a step was taken");
         let bound = run
             .state
             .watch

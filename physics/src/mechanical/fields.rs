@@ -11,12 +11,26 @@ use super::plasticity::Plasticity;
 use super::points::LawPoints;
 use super::variables::VariableStates;
 
+/// Force of the bonds and of loads in the last step.
+const FORCE: Key<Vector3<f64>> = Key::new("force", "N/m3", "force at the end of the last step");
+
+/// The body force in [`FORCE`].
+const LOADS_IN_FORCE: Key<Vector3<f64>> = Key::new(
+    "loads_in_force",
+    "N/m3",
+    "body force at the end of the last step",
+);
+
 /// Handles of the fields of a body.
 #[derive(Debug)]
 pub(super) struct Fields {
     pub(super) displacement: Write<Vector3<f64>>,
     /// For the explicit solver.
     pub(super) velocity: Option<Write<Vector3<f64>>>,
+    /// Of the last step at the points, N/m³, for the explicit solver whose nodes they are.
+    pub(super) force: Option<Write<Vector3<f64>>>,
+    /// The body force in it, N/m³, where there is one.
+    pub(super) loads_in_force: Option<Write<Vector3<f64>>>,
     pub(super) stress: Write<Matrix3<f64>>,
     pub(super) conjugate_stress: Write<f64>,
     /// Whether a coupler reads the conjugate stress, so that it is needed in each step.
@@ -194,6 +208,8 @@ impl<'a> LawState<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Features<'a> {
     pub(super) is_explicit: bool,
+    /// Whether the nodes of the solid are its points.
+    pub(super) has_points_as_nodes: bool,
     /// The law of flow, if it flows.
     pub(super) flow: Option<LawState<'a>>,
     /// The law of elasticity, if it is one of points.
@@ -213,6 +229,23 @@ pub(super) fn is_conjugate_tensor_read(setup: &Setup<'_>, body: BodyIndex) -> bo
     setup.is_declared(body, &keys::CONJUGATE_STRESS_TENSOR, Access::Read)
 }
 
+/// The fields of the force of the last step, and of the body force in it where there is one.
+fn kept(
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+    is_kept: bool,
+) -> Result<[Option<Write<Vector3<f64>>>; 2], SetupError> {
+    let is_loaded = setup.is_declared(body, &keys::BODY_FORCE, Access::Add);
+    let mut keep = |is_kept: bool, key| match is_kept {
+        true => setup.keep(body, key).map(Some),
+        false => Ok(None),
+    };
+    Ok([
+        keep(is_kept, &FORCE)?,
+        keep(is_kept && is_loaded, &LOADS_IN_FORCE)?,
+    ])
+}
+
 impl Fields {
     /// The sinks of loads.
     pub(super) fn loads<'a>(&self, world: &'a World) -> LoadSinks<'a> {
@@ -230,11 +263,13 @@ impl Fields {
     ) -> Result<Self, SetupError> {
         let Features {
             is_explicit,
+            has_points_as_nodes,
             flow,
             law,
             breaks,
             modes,
         } = features;
+        let [force, loads_in_force] = kept(setup, body, is_explicit && has_points_as_nodes)?;
         let hold = match setup.consume_if_added(body, &keys::CONSTRAINT)? {
             Some(constraint) => Some(Hold {
                 constraint,
@@ -244,10 +279,9 @@ impl Fields {
         };
         Ok(Fields {
             displacement: setup.own(body, &keys::DISPLACEMENT)?,
-            velocity: match is_explicit {
-                true => Some(setup.own(body, &keys::VELOCITY)?),
-                false => None,
-            },
+            velocity: (is_explicit.then(|| setup.own(body, &keys::VELOCITY))).transpose()?,
+            force,
+            loads_in_force,
             stress: setup.own(body, &keys::STRESS)?,
             plastic: match flow {
                 Some(law) => Some(PlasticFields {

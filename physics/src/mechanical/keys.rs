@@ -169,6 +169,15 @@ impl Mechanical {
         })
     }
 
+    /// The horizon, or the usual one of the formulation.
+    pub(super) fn horizon(&self) -> Horizon {
+        let usual = match self.formulation() {
+            Formulation::Correspondence => 2.0,
+            _ => 3.0,
+        };
+        self.horizon.unwrap_or(Horizon::Spacings(usual))
+    }
+
     /// Refuses numbers beyond their ranges.
     pub(super) fn check(&self) -> Result<(), SetupError> {
         let at_least_zero = |key: &str, value: f64| match value >= 0.0 && value.is_finite() {

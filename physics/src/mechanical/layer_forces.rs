@@ -138,7 +138,7 @@ impl LayerForces {
         let points = if self.ghosts.is_empty() {
             0
         } else {
-            self.volume.len()
+            family.points()
         };
         for point in 0..points {
             let (first, owner) = (self.bonds.len(), self.owners.len());

@@ -109,7 +109,7 @@ mod variables;
 
 use perimelt_core::keys as core_keys;
 use perimelt_core::plugin::check_length;
-use perimelt_core::world::LoadedFaces;
+use perimelt_core::world::{FamilyReach, LoadedFaces};
 use perimelt_core::{
     Balance, Physics, PhysicsReport, Report, RunError, RunningPhysics, Setup, SetupError, Step,
     StepSize, Stepping, Work, World,
@@ -129,11 +129,11 @@ const IMPLAUSIBLE_STRETCH: f64 = 5.0;
 #[typetag::serialize(name = "mechanical")]
 impl Physics for Mechanical {
     fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
         if self.formulation() == Formulation::Staggered {
-            let body = setup.find_body(self.body.as_deref())?;
             setup.publish(body, LoadedFaces)?;
         }
-        Ok(())
+        setup.publish(body, FamilyReach(self.horizon()))
     }
 
     fn prepare(
@@ -164,7 +164,7 @@ impl Mechanical {
     }
 }
 
-perimelt_core::register_physics!("mechanical", Mechanical, supports: [Births, Cuts, Layers]);
+perimelt_core::register_physics!("mechanical", Mechanical, supports: [Births, Cuts, Layers, Division]);
 
 /// A body that deforms.
 struct RunningMechanical {

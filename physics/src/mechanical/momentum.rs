@@ -12,7 +12,7 @@
 //! momentum is not kept, and has no balance.
 
 use nalgebra::Vector3;
-use perimelt_core::solver::reduce::sum_points;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Balance, World};
 
 use super::step::MechanicalRun;
@@ -59,28 +59,28 @@ impl Momentum {
     /// Sums what the points have.
     pub(super) fn sum(
         balanced: Balanced,
-        points: usize,
+        nodes: &Reducer,
         of: impl Fn(usize) -> Located + Sync,
     ) -> Self {
         let mut all = Momentum::default();
         match (balanced.dimension, balanced.angular) {
             (3, false) => {
-                let s = sum_points(points, |i| linear::<3, 6>(of(i)));
+                let s = nodes.sum_points(|i| linear::<3, 6>(of(i)));
                 all.linear = [s[0], s[1], s[2]];
                 all.linear_size = [s[3], s[4], s[5]];
             }
             (3, true) => {
-                let s = sum_points(points, |i| linear_and_angular::<3, 12>(of(i), 0..3));
+                let s = nodes.sum_points(|i| linear_and_angular::<3, 12>(of(i), 0..3));
                 let group = |first: usize| std::array::from_fn(|axis| s[first + axis]);
                 (all.linear, all.linear_size) = (group(0), group(3));
                 (all.angular, all.angular_size) = (group(6), group(9));
             }
             (_, false) => {
-                let [x, y, x_size, y_size] = sum_points(points, |i| linear::<2, 4>(of(i)));
+                let [x, y, x_size, y_size] = nodes.sum_points(|i| linear::<2, 4>(of(i)));
                 (all.linear, all.linear_size) = ([x, y, 0.0], [x_size, y_size, 0.0]);
             }
             (_, true) => {
-                let sum = sum_points(points, |i| linear_and_angular::<2, 6>(of(i), 2..3));
+                let sum = nodes.sum_points(|i| linear_and_angular::<2, 6>(of(i), 2..3));
                 let [x, y, x_size, y_size, moment, moment_size] = sum;
                 (all.linear, all.linear_size) = ([x, y, 0.0], [x_size, y_size, 0.0]);
                 (all.angular[2], all.angular_size[2]) = (moment, moment_size);
@@ -153,7 +153,7 @@ impl MechanicalRun {
         let displacement = nodes.values(&displacement, &corners.displacement);
         let body = world.body(self.body);
         let (positions, volumes) = (nodes.positions(body), nodes.volumes(body));
-        Momentum::sum(self.balanced, volumes.len(), |i| {
+        Momentum::sum(self.balanced, &self.node_reducer(world), |i| {
             let x = place(&positions[i], &displacement[3 * i..3 * i + 3]);
             let mass = density(i) * volumes[i];
             [x, by_axis(|axis| mass * velocity[3 * i + axis])]

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
-use perimelt_core::solver::reduce::{are_equal, sum_points};
-use perimelt_core::solver::{Dynamics, HalfKick, SolverError, VerletState};
+use perimelt_core::solver::reduce::are_equal;
+use perimelt_core::solver::{Dynamics, HalfKick, Reducer, SolverError, Verlet, VerletState};
 use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 
@@ -26,7 +26,27 @@ impl MechanicalRun {
     }
 
     fn move_nodes(&mut self, world: &World, step: Step) -> Result<(), SolverError> {
+        if !self.state.verlet.knows_force() {
+            self.with_motion(world, |verlet, mut motion, mut dynamics| {
+                verlet.find_force(step.start, &mut motion, &mut dynamics)
+            })?;
+            if let Some(force) = self.fields.force {
+                world.bring_remote(force);
+            }
+        }
+        self.with_motion(world, |verlet, motion, dynamics| {
+            verlet.step(step.start, step.size, motion, dynamics)
+        })
+    }
+
+    /// Passes the state of motion and the forces to `act`.
+    fn with_motion<R>(
+        &mut self,
+        world: &World,
+        act: impl FnOnce(&mut Verlet, VerletState<'_>, SolidDynamics<'_>) -> R,
+    ) -> R {
         let (nodes, body) = (self.nodes().clone(), world.body(self.body));
+        let reducer = self.node_reducer(world);
         let rules = world.layer_rules(self.layers);
         let sinks = self.fields.loads(world);
         let loads = sinks.of_points(&rules);
@@ -34,10 +54,12 @@ impl MechanicalRun {
         let mut displacement = world.write(self.fields.displacement);
         let velocity = self.fields.velocity.expect("owned by the explicit solver");
         let mut velocity = world.write(velocity);
+        let [mut force, mut loaded] =
+            [self.fields.force, self.fields.loads_in_force].map(|f| f.map(|f| world.write(f)));
         let MechanicalState {
             corners,
             watch,
-            loaded_body_force,
+            has_loads_in_force,
             verlet,
             external_force,
             given,
@@ -46,32 +68,38 @@ impl MechanicalRun {
         let motion = VerletState {
             displacement: nodes.values_mut(&mut displacement, &mut corners.displacement),
             velocity: nodes.values_mut(&mut velocity, &mut corners.velocity),
+            force: nodes.values_mut(force.as_deref_mut().unwrap_or_default(), &mut corners.force),
             inverse_mass: &self.free_inverse_density,
         };
+        let loaded = nodes.values_mut(
+            loaded.as_deref_mut().unwrap_or_default(),
+            &mut corners.loads,
+        );
         let (positions, volumes) = (nodes.positions(body), nodes.volumes(body));
-        let has_changed = !are_equal(loaded_body_force, body_force);
-        if has_changed {
-            let loads = [&loaded_body_force[..], body_force];
-            watch.work += half_work_of_change(volumes, loads, motion.displacement);
-        }
+        let mut loads = LoadsInForce {
+            now: body_force,
+            before: loaded,
+            has_before: has_loads_in_force,
+            has_changed: false,
+            work: &mut watch.work,
+        };
+        loads.begin(&reducer, volumes, motion.displacement);
         let dynamics = SolidDynamics {
             rules: &rules,
             positions,
             volumes,
-            body_force,
+            reducer: &reducer,
             density: &self.node_density,
             inverse_density: &self.free_inverse_density,
             balanced: self.balanced,
             has_held_nodes: self.fields.hold.is_some() || nodes.corners().is_some(),
             has_layers: self.solid.base().family().has_layers(),
             solid: &mut *self.solid,
-            loaded: loaded_body_force,
-            has_changed,
+            loads,
             external_force,
             given,
-            work: &mut watch.work,
         };
-        verlet.step(step.start, step.size, motion, dynamics)
+        act(verlet, motion, dynamics)
     }
 
     /// Adds the momentum of the sink `impulse` to the velocities of free components.
@@ -80,6 +108,7 @@ impl MechanicalRun {
             return;
         };
         let (nodes, body) = (self.nodes().clone(), world.body(self.body));
+        let reducer = self.node_reducer(world);
         let impulse = world.read(impulse);
         let impulse = PointLoads {
             force: &impulse,
@@ -90,11 +119,12 @@ impl MechanicalRun {
         let CornerMotion {
             displacement: of_corners,
             velocity: velocity_of_corners,
+            ..
         } = &mut self.state.corners;
         let displacement = nodes.values(&displacement, of_corners);
         let (positions, volumes) = (nodes.positions(body), nodes.volumes(body));
         let inverse = &self.free_inverse_density[..];
-        self.state.given += Momentum::sum(self.balanced, volumes.len(), |i| {
+        self.state.given += Momentum::sum(self.balanced, &reducer, |i| {
             let x = place(&positions[i], &displacement[3 * i..3 * i + 3]);
             let free = |axis: usize| inverse[3 * i + axis] != 0.0;
             let impulse_on = |axis: usize| match free(axis) {
@@ -106,7 +136,7 @@ impl MechanicalRun {
         let mut velocity = world.write(velocity);
         let velocity = nodes.values_mut(&mut velocity, velocity_of_corners);
         let before = &*velocity;
-        self.state.watch.work += sum_points(volumes.len(), |i| {
+        self.state.watch.work += reducer.sum_points(|i| {
             let of_component = |n: usize| {
                 let (j, v) = (impulse[n], before[n]);
                 j * (v + 0.5 * j * inverse[n])
@@ -168,7 +198,8 @@ impl MechanicalRun {
             is_held != (inverse[n] == 0.0) || (is_held && moves())
         };
         let components = (0..inverse.len()).into_par_iter();
-        components.with_min_len(4096).any(changes)
+        let here = components.with_min_len(4096).any(changes);
+        self.node_reducer(world).processes().any(here)
     }
 
     /// Change of momentum and of its moment when the held components stop and their displacement jumps to the held
@@ -180,6 +211,26 @@ impl MechanicalRun {
         velocity: &[f64],
         duration: f64,
     ) -> Momentum {
+        let at_forces =
+            |forces: [&[f64]; 2]| self.impulse_at_forces(world, held, velocity, (duration, forces));
+        if self.solid.base().family().has_layers() {
+            return at_forces([&[], &[]]);
+        }
+        self.with_loads_in_force(world, |loads| {
+            let known = self.with_force(world, |force| at_forces([force, loads]));
+            known.unwrap_or_else(|| at_forces([&[], &[]]))
+        })
+    }
+
+    /// [`MechanicalRun::impulse_of_holding`] with the forces and the body forces in them (N/m³, by component), empty where they are
+    /// not known.
+    fn impulse_at_forces(
+        &self,
+        world: &World,
+        held: HeldNodes<'_>,
+        velocity: &[f64],
+        (duration, [force, loads]): (f64, [&[f64]; 2]),
+    ) -> Momentum {
         let HeldNodes { count, sum } = held;
         let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
         let (nodes, body) = (self.nodes(), world.body(self.body));
@@ -187,11 +238,9 @@ impl MechanicalRun {
         let (positions, volumes) = (nodes.positions(body), nodes.volumes(body));
         let density = &self.node_density;
         // The forces of the first half kick were evaluated before the jump, and their moments cancel there.
-        let has_layers = self.solid.base().family().has_layers();
-        let (force, loaded) = (self.state.verlet.force(), &self.state.loaded_body_force);
         let bond_force = |component: usize| match force.get(component) {
-            Some(force) if !has_layers => force - loaded.get(component).unwrap_or(&0.0),
-            _ => 0.0,
+            Some(force) => force - loads.get(component).unwrap_or(&0.0),
+            None => 0.0,
         };
         let is_held = |n: usize| count[n] > 0.0 && density[n / 3] > 0.0;
         let jump = |n: usize| match is_held(n) {
@@ -202,12 +251,13 @@ impl MechanicalRun {
             true => -volumes[n / 3] * density[n / 3] * velocity[n],
             false => 0.0,
         };
-        let mut given = Momentum::sum(self.balanced, volumes.len(), |i| {
+        let reducer = self.node_reducer(world);
+        let mut given = Momentum::sum(self.balanced, &reducer, |i| {
             let x = place(&positions[i], &displacement[3 * i..3 * i + 3]);
             [x, by_axis(|axis| stop(3 * i + axis))]
         });
         if self.balanced.angular {
-            let moved = Momentum::sum(self.balanced, volumes.len(), |i| {
+            let moved = Momentum::sum(self.balanced, &reducer, |i| {
                 let remaining = |axis: usize| {
                     let n = 3 * i + axis;
                     let half_kick = 0.5 * duration * bond_force(n);
@@ -231,8 +281,7 @@ struct SolidDynamics<'a> {
     positions: &'a [Vector3<f64>],
     /// m³, by node.
     volumes: &'a [f64],
-    /// N/m³, by component; empty if there is none.
-    body_force: &'a [f64],
+    reducer: &'a Reducer,
     /// kg/m³, by node.
     density: &'a [f64],
     /// m³/kg, by component; zero where it is held.
@@ -240,40 +289,74 @@ struct SolidDynamics<'a> {
     balanced: Balanced,
     has_held_nodes: bool,
     has_layers: bool,
-    /// The body force in the last force.
-    loaded: &'a mut Vec<f64>,
-    /// Whether the body force differs from it.
-    has_changed: bool,
+    loads: LoadsInForce<'a>,
     /// Its sum at the displacement and the force of the moment, if it is known.
     external_force: &'a mut Option<Momentum>,
     given: &'a mut Momentum,
+}
+
+/// The body force (N/m³, by component) in the force of the motion.
+struct LoadsInForce<'a> {
+    /// Empty if there is none.
+    now: &'a [f64],
+    /// In the last force, if `has_before`.
+    before: &'a mut [f64],
+    has_before: &'a mut bool,
+    has_changed: bool,
     /// Work of loads, J.
     work: &'a mut f64,
 }
 
-/// Half of the work of a body force that changes (N/m³, before and now), `-1/2 sum V (b_1 - b_0) . u`, J: that at one end
-/// of the step. Zero if there was none before.
-fn half_work_of_change(volume: &[f64], [before, now]: [&[f64]; 2], displacement: &[f64]) -> f64 {
-    if before.len() != now.len() {
-        return 0.0;
+impl LoadsInForce<'_> {
+    fn in_force(&self) -> &[f64] {
+        match *self.has_before {
+            true => self.before,
+            false => &[],
+        }
     }
-    0.5 * (work_of(volume, before, displacement) - work_of(volume, now, displacement))
+
+    /// Finds out whether the body force has changed, and adds half of its work at the displacement (m) before the next force.
+    fn begin(&mut self, nodes: &Reducer, volumes: &[f64], displacement: &[f64]) {
+        let is_same = are_equal(nodes.own(self.in_force()), nodes.own(self.now));
+        self.has_changed = nodes.processes().any(!is_same);
+        if self.has_changed {
+            *self.work += self.half_work(nodes, volumes, displacement);
+        }
+    }
+
+    /// Takes the body force into the force at a displacement, m.
+    fn take_up(&mut self, nodes: &Reducer, volumes: &[f64], displacement: &[f64]) {
+        if !std::mem::take(&mut self.has_changed) {
+            return;
+        }
+        *self.work += self.half_work(nodes, volumes, displacement);
+        *self.has_before = !self.now.is_empty();
+        let components = self.before.par_iter_mut().zip(self.now);
+        let components = components.with_min_len(4096);
+        components.for_each(|(before, now)| *before = *now);
+    }
+
+    /// Half of the work of a body force that changes, `-1/2 sum V (b_1 - b_0) . u`, J: that at one end of the step. Zero if there
+    /// was none before.
+    fn half_work(&self, nodes: &Reducer, volumes: &[f64], displacement: &[f64]) -> f64 {
+        if !*self.has_before || self.now.is_empty() {
+            return 0.0;
+        }
+        let work = |loads: &[f64]| work_of(nodes, volumes, [loads, displacement]);
+        0.5 * (work(self.before) - work(self.now))
+    }
 }
 
 impl Dynamics for SolidDynamics<'_> {
     fn force(&mut self, _: f64, u: &[f64], force: &mut [f64]) -> Result<(), SolverError> {
         self.solid.set_displacement(u, self.rules);
         self.solid.evaluate(Wanted::force(force));
-        let forces = force.par_iter_mut().zip(self.body_force);
+        let forces = force.par_iter_mut().zip(self.loads.now);
         forces.with_min_len(4096).for_each(|(f, b)| *f += b);
         self.solid
             .subtract_added_inertia(self.inverse_density, force);
         *self.external_force = None;
-        if std::mem::take(&mut self.has_changed) {
-            *self.work += half_work_of_change(self.volumes, [self.loaded, self.body_force], u);
-            let body_force = self.body_force.par_iter().copied().with_min_len(4096);
-            body_force.collect_into_vec(self.loaded);
-        }
+        self.loads.take_up(self.reducer, self.volumes, u);
         Ok(())
     }
 
@@ -294,12 +377,13 @@ impl SolidDynamics<'_> {
     /// Sum of the forces of the surroundings (N) and of their moments. Forces of bonds between points cancel; what is
     /// left are body forces, the reaction of held components to their bonds, and the forces of bonds to layers.
     fn external_force(&self, kick: &HalfKick<'_>) -> Momentum {
-        let has_loads = !self.loaded.is_empty() || self.has_layers;
+        let loaded = self.loads.in_force();
+        let has_loads = !loaded.is_empty() || self.has_layers;
         if !has_loads && !self.has_held_nodes {
             return Momentum::default();
         }
         let (positions, volumes, has_layers) = (self.positions, self.volumes, self.has_layers);
-        let (inverse_density, loaded) = (self.inverse_density, &self.loaded[..]);
+        let inverse_density = self.inverse_density;
         let external = |component: usize| {
             let force = kick.force[component];
             let is_free = inverse_density[component] != 0.0;
@@ -310,7 +394,7 @@ impl SolidDynamics<'_> {
                 (false, false) => loaded.get(component).copied().unwrap_or(0.0) - force,
             }
         };
-        Momentum::sum(self.balanced, volumes.len(), |i| {
+        Momentum::sum(self.balanced, self.reducer, |i| {
             let x = place(&positions[i], &kick.displacement[3 * i..3 * i + 3]);
             [x, by_axis(|axis| volumes[i] * external(3 * i + axis))]
         })
@@ -329,7 +413,7 @@ impl SolidDynamics<'_> {
             let after = rule(velocity, kick.force[component], inverse);
             -volumes[node] * kick.friction * density[node] * (velocity + after)
         };
-        Momentum::sum(self.balanced, volumes.len(), |i| {
+        Momentum::sum(self.balanced, self.reducer, |i| {
             let x = place(&positions[i], &kick.displacement[3 * i..3 * i + 3]);
             [x, by_axis(|axis| friction(i, 3 * i + axis))]
         })

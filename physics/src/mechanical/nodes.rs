@@ -33,6 +33,10 @@ pub(super) struct CornerMotion {
     pub(super) displacement: Vec<f64>,
     /// m/s; empty in equilibrium.
     pub(super) velocity: Vec<f64>,
+    /// Of the last step, N/m³; empty in equilibrium.
+    pub(super) force: Vec<f64>,
+    /// The body force in it, N/m³; empty in equilibrium.
+    pub(super) loads: Vec<f64>,
 }
 
 /// What holds the points of a body; empty where nothing does.

@@ -6,7 +6,7 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::solver::Verlet;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Body, Correction, Face, Family, FamilySize, FamilySpec, Horizon, Setup, SetupError, World, keys,
+    Body, Change, Correction, Face, Family, FamilySize, FamilySpec, Setup, SetupError, World, keys,
 };
 
 use super::energy::Energy;
@@ -40,11 +40,8 @@ pub(super) fn run(
     let keys = &*keys;
     let body = setup.find_body(keys.body.as_deref())?;
     law.check_plies(setup.body(body))?;
-    growth::check(keys, setup, body)?;
+    check_formulation(keys, setup, body)?;
     let layers = setup.layers(body, &keys::DISPLACEMENT);
-    if keys.formulation() == Formulation::Staggered {
-        staggered::check(keys)?;
-    }
     let family = family(keys, setup, body, layers.faces())?;
     let bent = traction_layer(keys, layers.rules)?;
     law.check(setup, body, flow.as_ref(), bent.as_ref())?;
@@ -63,6 +60,7 @@ pub(super) fn run(
     let features = Features {
         is_explicit: damping.is_some(),
         flow: constitution.plasticity.as_ref().map(LawState::of_flow),
+        has_points_as_nodes: true,
         law: None,
         breaks: constitution.fracture.is_some() || constitution.failure.is_some(),
         modes: &[],
@@ -114,6 +112,49 @@ pub(super) fn run(
     })
 }
 
+/// Refuses what the formulation does not support, on a body that grows, or that processes share.
+fn check_formulation(
+    keys: &Mechanical,
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+) -> Result<(), SetupError> {
+    if keys.formulation() == Formulation::Staggered {
+        staggered::check(keys)?;
+    }
+    growth::check(keys, setup, body)?;
+    let mut refuse = |is_wrong: bool, key: &str, message: &str, expected: &str| match is_wrong {
+        false => Ok(()),
+        true => {
+            let error = SetupError::value(key, message, expected);
+            setup.refuse(body, Change::Division, error)
+        }
+    };
+    refuse(
+        keys.solver.damping().is_none(),
+        "solver",
+        "several processes share explicit motion only",
+        "`solver.explicit`, or one process",
+    )?;
+    refuse(
+        keys.formulation() != Formulation::Bond,
+        "formulation",
+        "several processes share bond-based solids only",
+        "\"bond\", or one process",
+    )?;
+    refuse(
+        keys.fracture.is_some(),
+        "fracture",
+        "several processes do not share broken bonds",
+        "no `fracture`, or one process",
+    )?;
+    refuse(
+        keys.surface_stress == SurfaceStress::Extrapolated,
+        "surface_stress",
+        "several processes do not extrapolate stress",
+        "\"direct\", or one process",
+    )
+}
+
 /// Declares the fields of a body with the law of its points and its modes of failure.
 fn declare(
     setup: &mut Setup<'_>,
@@ -123,6 +164,7 @@ fn declare(
 ) -> Result<Fields, SetupError> {
     let modes: Vec<&'static str> = solid.failure_modes().iter().map(|m| m.name).collect();
     let features = Features {
+        has_points_as_nodes: solid.base().nodes.corners().is_none(),
         law: solid.base().law_points.as_ref().map(LawState::of_points),
         modes: &modes,
         ..features
@@ -219,8 +261,7 @@ fn family(
         return Ok(Arc::new(Family::default()));
     }
     let correspondence = keys.formulation() == Formulation::Correspondence;
-    let usual = Horizon::Spacings(if correspondence { 2.0 } else { 3.0 });
-    let horizon = keys.horizon.unwrap_or(usual);
+    let horizon = keys.horizon();
     horizon.check(setup.body(body))?;
     if !correspondence {
         let this = setup.body(body);

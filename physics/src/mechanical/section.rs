@@ -2,6 +2,7 @@
 //! which balances the forces on either side exactly.
 
 use perimelt_core::family::AxisPlane;
+use perimelt_core::solver::ExactSum;
 use perimelt_core::{Axis, Report, Setup, SetupError, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -49,16 +50,17 @@ impl Section {
             .into_iter()
             .flatten()
             .for_each(|&point| counts[point as usize] = true);
-        let mut total = [0.0; 3];
+        let mut total: [ExactSum; 3] = Default::default();
         let plane = AxisPlane {
             axis: self.axis as usize,
             at: self.at,
         };
         run.solid.force_across(plane, &mut |point, force| {
             let part = if counts[point] { volume[point] } else { 0.0 };
-            (0..3).for_each(|a| total[a] += force[a] * part);
+            (0..3).for_each(|a| total[a].add(force[a] * part));
         });
-        total
+        let points = world.reducer(run.body);
+        total.map(|sum| points.total(sum))
     }
 
     pub(super) fn report(&self, force: [f64; 3]) -> impl Iterator<Item = Report> + '_ {

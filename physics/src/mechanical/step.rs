@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::LayerRule;
-use perimelt_core::solver::Verlet;
 use perimelt_core::solver::reduce::max_abs;
+use perimelt_core::solver::{Reducer, Verlet};
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{Step, World, Write};
 use serde::{Deserialize, Serialize};
@@ -63,8 +63,8 @@ pub(super) struct MechanicalRun {
 pub(super) struct MechanicalState {
     pub(super) verlet: Verlet,
     pub(super) corners: CornerMotion,
-    /// The body force of the nodes in the force that `verlet` carries to the next step, N/m³; empty if there is none.
-    pub(super) loaded_body_force: Vec<f64>,
+    /// Whether there is a body force in the force of the last step.
+    pub(super) has_loads_in_force: bool,
     /// Sum of the forces of the surroundings in that force, N, and of their moments, unless points were held anew.
     pub(super) external_force: Option<Momentum>,
     /// Momentum at the start.
@@ -91,9 +91,12 @@ impl MechanicalRun {
             let at_corners = |field: Write<Vector3<f64>>| {
                 corners.around_points(body, &world.read::<Vector3<f64>>(field.into()))
             };
+            let velocity = self.fields.velocity.map(at_corners).unwrap_or_default();
             self.state.corners = CornerMotion {
                 displacement: at_corners(self.fields.displacement),
-                velocity: self.fields.velocity.map(at_corners).unwrap_or_default(),
+                force: vec![0.0; velocity.len()],
+                loads: vec![0.0; velocity.len()],
+                velocity,
             };
         }
         self.set_in_motion(world);
@@ -146,6 +149,41 @@ impl MechanicalRun {
         &self.solid.base().nodes
     }
 
+    /// Sums over the nodes.
+    pub(super) fn node_reducer(&self, world: &World) -> Reducer {
+        match self.nodes().corners() {
+            None => world.reducer(self.body),
+            Some(corners) => Reducer::alone(corners.volume.len()),
+        }
+    }
+
+    /// The force of the last step by component of nodes, N/m³, passed to `look`; `None` if the next step has to evaluate it.
+    pub(super) fn with_force<R>(&self, world: &World, look: impl FnOnce(&[f64]) -> R) -> Option<R> {
+        let is_known = self.state.verlet.knows_force();
+        is_known.then(|| {
+            let of_points = self.fields.force.map(|force| world.read(force.into()));
+            let of_points = of_points.as_deref().unwrap_or_default();
+            look(self.nodes().values(of_points, &self.state.corners.force))
+        })
+    }
+
+    /// The body force in the force of the last step by component of nodes, N/m³, passed to `look`; empty if there is none.
+    pub(super) fn with_loads_in_force<R>(
+        &self,
+        world: &World,
+        look: impl FnOnce(&[f64]) -> R,
+    ) -> R {
+        if !self.state.has_loads_in_force {
+            return look(&[]);
+        }
+        let of_points = self
+            .fields
+            .loads_in_force
+            .map(|loads| world.read(loads.into()));
+        let of_points = of_points.as_deref().unwrap_or_default();
+        look(self.nodes().values(of_points, &self.state.corners.loads))
+    }
+
     /// Passes what holds the nodes to `use_held`.
     fn with_held<R>(
         &mut self,
@@ -192,6 +230,7 @@ impl MechanicalRun {
         let CornerMotion {
             displacement,
             velocity,
+            ..
         } = &self.state.corners;
         corners.mean(displacement, &mut world.write(self.fields.displacement));
         if let Some(field) = self.fields.velocity {
@@ -381,6 +420,6 @@ impl MechanicalRun {
         if let Some(state) = state {
             self.solid.replace_fracture_state(state);
         }
-        largest
+        world.reducer(self.body).max(largest)
     }
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::material::Property;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Body, Report, World};
 
 use super::step::MechanicalRun;
@@ -31,9 +32,35 @@ struct OverYield {
     ratio: f64,
     /// Pa.
     stress: f64,
-    point: usize,
+    /// m.
+    place: [f64; 3],
+    material: usize,
     /// K.
     temperature: Option<f64>,
+}
+
+impl OverYield {
+    /// The largest of all processes.
+    fn largest(own: Option<OverYield>, points: &Reducer) -> Option<OverYield> {
+        const NONE: f64 = -1.0;
+        let numbers = |own: OverYield| {
+            let [x, y, z] = own.place;
+            let temperature = own.temperature.unwrap_or(NONE);
+            (
+                own.ratio,
+                [own.stress, x, y, z, own.material as f64, temperature],
+            )
+        };
+        let (ratio, numbers) = points.largest(own.map(numbers))?;
+        let [stress, x, y, z, material, temperature] = numbers;
+        Some(OverYield {
+            ratio,
+            stress,
+            place: [x, y, z],
+            material: material as usize,
+            temperature: Some(temperature).filter(|t| *t != NONE),
+        })
+    }
 }
 
 /// Von Mises stress, Pa.
@@ -73,7 +100,8 @@ impl Validity {
             Some(OverYield {
                 ratio: stress / limit,
                 stress,
-                point,
+                place: body.points.position[point].into(),
+                material: usize::from(*material),
                 temperature,
             })
         });
@@ -101,12 +129,12 @@ impl Validity {
         let OverYield {
             ratio,
             stress,
-            point,
+            place: [x, y, z],
+            material,
             temperature,
         } = over_yield;
         let there = temperature.map_or_else(String::new, |t| format!(" at {t:.0} K"));
-        let [x, y, z]: [f64; 3] = body.points.position[point].into();
-        let material = body.materials[usize::from(body.material_of_point[point])].name();
+        let material = body.materials[material].name();
         Some(format!(
             "body `{}` is elastic, but its von Mises stress reaches {:.4} MPa at ({x:.4e}, {y:.4e}, {z:.4e}) m, where \
              `{material}` yields at {:.4} MPa{there} (use `plasticity`, or do not read stress as that of the material)",
@@ -131,11 +159,13 @@ impl MechanicalRun {
         if !self.validity.has_begun {
             return;
         }
-        if self.validity.is_linear
-            && let Some(found) = self.solid.deformation().relative_displacement_beyond(SMALL)
-        {
-            let largest = &mut self.validity.relative_displacement;
-            *largest = Some(largest.unwrap_or(0.0).max(found));
+        if self.validity.is_linear {
+            let found = self.solid.deformation().relative_displacement_beyond(SMALL);
+            let found = found.map(|found| (found, []));
+            if let Some((found, [])) = world.reducer(self.body).largest(found) {
+                let largest = &mut self.validity.relative_displacement;
+                *largest = Some(largest.unwrap_or(0.0).max(found));
+            }
         }
         if self.validity.yield_stress.is_empty() {
             return;
@@ -143,9 +173,12 @@ impl MechanicalRun {
         let stress = world.read::<Matrix3<f64>>(self.fields.stress.into());
         let temperature = world.read_if_provided(self.fields.temperature);
         let body = world.body(self.body);
+        let points = world.reducer(self.body);
+        let own = points.owned();
         let found = self
             .validity
-            .over_yield(body, &stress, temperature.as_deref());
+            .over_yield(body, &stress[..own], temperature.as_deref());
+        let found = OverYield::largest(found, &points);
         let ratio = |over: Option<OverYield>| over.map_or(0.0, |o| o.ratio);
         self.validity.stress_over_yield = ratio(found);
         if ratio(found) > ratio(self.validity.largest) {

@@ -132,7 +132,7 @@ impl RunningThermal {
             fluids.check(&curves)?;
             conduction.set_fluids(fluids, &curves);
         }
-        thermal.refuse_division(setup, body, &conduction);
+        thermal.refuse_division(setup, body, &conduction)?;
         let refined = Refined::prepare(setup, &domain, family)?;
         let growth = is_growing
             .then(|| Growth::prepare(setup, body))
@@ -280,29 +280,26 @@ impl Thermal {
     }
 
     /// Refuses what processes cannot share yet.
-    fn refuse_division(&self, setup: &mut Setup<'_>, body: BodyIndex, conduction: &Conduction) {
-        let refuse = |setup: &mut Setup<'_>, key: &str, message: &str, expected: &str| {
+    fn refuse_division(
+        &self,
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+        conduction: &Conduction,
+    ) -> Result<(), SetupError> {
+        let mut refuse = |key: &str, message: &str, expected: &str| {
             let error = SetupError::value(key, message, expected);
-            setup.refuse(body, Change::Division, error);
+            setup.refuse(body, Change::Division, error)
         };
         if self.solver != ThermalSolver::Explicit {
             let message = "several processes share explicit steps only";
-            refuse(
-                setup,
-                "solver",
-                message,
-                "`solver = \"explicit\"`, or one process",
-            );
+            refuse("solver", message, "`solver = \"explicit\"`, or one process")?;
         }
         if !conduction.is_local() {
             let message = "several processes share conduction by bonds within one material only";
-            refuse(
-                setup,
-                "form",
-                message,
-                "`form = \"bonds\"` and one material, or one process",
-            );
+            let expected = "`form = \"bonds\"` and one material, or one process";
+            refuse("form", message, expected)?;
         }
+        Ok(())
     }
 
     /// The field of powder and dense material, where the body has powder, whose conductivity is added to `conduction`.

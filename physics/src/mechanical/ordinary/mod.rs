@@ -456,6 +456,8 @@ impl<L: BondForce> Solid for Ordinary<L> {
         let layers = &base.layer_forces;
         layers.complete_blocks(&Block, inputs, None, &mut blocks);
         let largest = |block| 2.0 * symmetric(block).symmetric_eigenvalues().max();
+        // sums exist at the points of the family
+        let blocks = &blocks[..base.family.points()];
         let squares = blocks.iter().zip(density).map(|(b, rho)| largest(b) / rho);
         squares.fold(0.0, f64::max).sqrt()
     }
