@@ -291,7 +291,7 @@ impl RunningCoupler for RunningThermalExpansion {
     }
 }
 
-perimelt_core::register_coupler!("thermal_expansion", ThermalExpansion, supports: [Births, Cuts, Layers]);
+perimelt_core::register_coupler!("thermal_expansion", ThermalExpansion, supports: [Births, Cuts, Layers, Division]);
 
 #[cfg(test)]
 mod tests;

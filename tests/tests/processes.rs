@@ -155,8 +155,8 @@ fn heat_has_the_same_bits_for_any_number_of_processes() {
 /// A bracket of two materials whose stiffness depends on the temperature: it conducts heat, is pressed, moved and pulled down, and vibrates.
 const BRACKET: &str = r#"
 [bodies.bracket]
-shape.difference = { from = { box = { min = [0, 0, 0], max = [0.024, 0.02, 0.0085] } }, subtract = { cylinder = { start = [0.017, 0.012, -1], end = [0.017, 0.012, 1], radius = 3e-3 } } }
-spacing = 5e-4
+shape.difference = { from = { box = { min = [0, 0, 0], max = [0.024, 0.018, 0.0075] } }, subtract = { cylinder = { start = [0.017, 0.012, -1], end = [0.017, 0.012, 1], radius = 3e-3 } } }
+spacing = 7.5e-4
 material = "steel"
 materials = { end = "tin" }
 regions.end.box = { min = [0.018, 0, 0], max = [1, 1, 1] }
@@ -167,6 +167,7 @@ initial.velocity = ["20 * y", "0", "-30 * x"]
 [materials.steel]
 density = 7800
 fracture_energy = 2e4
+thermal_expansion = 1.2e-5
 youngs_modulus = { temperature = [300, 800], value = [2.1e11, 1.5e11] }
 yield_stress = 3e8
 specific_heat = 500
@@ -175,6 +176,7 @@ conductivity = 40
 [materials.tin]
 density = 7300
 fracture_energy = 2e4
+thermal_expansion = 2.3e-5
 youngs_modulus = 5e10
 specific_heat = 500
 conductivity = 40
@@ -188,6 +190,10 @@ type = "mechanical"
 kinematics = "KINEMATICS"
 solver.explicit = { damping = 1e3 }
 sections = [{ name = "middle", axis = "x", at = 0.012 }]
+
+[[couplers]]
+type = "thermal_expansion"
+reference_temperature = 293.15
 
 [[couplers]]
 type = "gravity"

@@ -61,10 +61,9 @@ pub(super) struct EnergyWatch {
     amplitude: f64,
     /// Factors and offsets of the layers in the last step.
     layers: Vec<[[f64; 3]; 2]>,
-    /// Eigenstrain in the last step.
-    eigenstrain: Vec<f64>,
-    /// Stress conjugate to the eigenstrain before that changed last, Pa; of bodies whose deformation makes heat.
-    seen: Vec<f64>,
+    /// Whether the fields that the watch keeps are those of a step.
+    knows_eigenstrain: bool,
+    knows_stress: bool,
 }
 
 /// The largest energy that the body may have.
@@ -146,23 +145,24 @@ impl MechanicalRun {
         }
         self.scratch.has_advanced = true;
         self.note_layers(world);
-        let Some(eigenstrain) = self.fields.eigenstrain else {
+        let (Some(eigenstrain), Some(watched)) = (self.fields.eigenstrain, self.fields.watched)
+        else {
             return;
         };
         let eigenstrain = &*world.read(eigenstrain);
-        if self.state.watch.eigenstrain.len() != eigenstrain.len() {
-            self.state.watch.eigenstrain = eigenstrain.to_vec();
+        let mut before = world.write(watched.eigenstrain);
+        if !std::mem::replace(&mut self.state.watch.knows_eigenstrain, true) {
+            before.copy_from_slice(eigenstrain);
         }
         if self.knows_conjugate_stress() {
             return;
         }
         self.find_stiffness(world);
-        let (stiffness, before) = (&self.scratch.stiffness, &self.state.watch.eigenstrain);
-        let of_point = |i: usize| 0.5 * stiffness[i] * (eigenstrain[i] - before[i]).powi(2);
+        let (stiffness, known) = (&self.scratch.stiffness, &*before);
+        let of_point = |i: usize| 0.5 * stiffness[i] * (eigenstrain[i] - known[i]).powi(2);
         let [energy] = world.reducer(self.body).sum_points(|i| [of_point(i)]);
-        let watch = &mut self.state.watch;
-        watch.amplitude += energy.sqrt();
-        watch.eigenstrain.copy_from_slice(eigenstrain);
+        self.state.watch.amplitude += energy.sqrt();
+        before.copy_from_slice(eigenstrain);
     }
 
     /// Notes the change of the stress-free strain with components.
@@ -198,37 +198,38 @@ impl MechanicalRun {
         else {
             return self.solid.evaluate(wanted).energy;
         };
-        let now = &*world.read(eigenstrain);
-        let is_in_step = self.state.watch.eigenstrain.len() == now.len();
-        if self.fields.velocity.is_none() || !is_in_step {
+        let watched = self.fields.watched;
+        let watched = watched.and_then(|watched| Some((watched.eigenstrain, watched.stress?)));
+        let (Some((before, seen)), true) = (watched, self.state.watch.knows_eigenstrain) else {
             return self.solid.evaluate(wanted).energy;
-        }
+        };
+        let now = &*world.read(eigenstrain);
+        let (mut before, mut seen) = (world.write(before), world.write(seen));
         self.find_stiffness(world);
         let stress_before = &*world.read::<f64>(self.fields.conjugate_stress.into());
         let energies = self.solid.evaluate(wanted).energy;
         let watch = &mut self.state.watch;
-        if watch.seen.len() != now.len() {
-            watch.seen = stress_before.to_vec();
+        if !std::mem::replace(&mut watch.knows_stress, true) {
+            seen.copy_from_slice(stress_before);
         }
-        let (before, seen) = (&watch.eigenstrain[..], &watch.seen[..]);
         let volume = &world.body(self.body).points.volume;
-        let stiffness = &self.scratch.stiffness;
+        let (stiffness, strain_before, stress_seen) = (&self.scratch.stiffness, &*before, &*seen);
         let lag = match self.scratch.is_repeated {
             true => 0.0,
             false => 0.5 * LAG,
         };
         let of_point = |i: usize| {
-            let (stress, change) = (energies[i][1], now[i] - before[i]);
+            let (stress, change) = (energies[i][1], now[i] - strain_before[i]);
             let reversible = -0.5 * volume[i] * (stress_before[i] + stress) * change
-                + 0.5 * stiffness[i] * (now[i] + before[i]) * change;
-            let late = lag * volume[i] * change * (stress - seen[i]);
+                + 0.5 * stiffness[i] * (now[i] + strain_before[i]) * change;
+            let late = lag * volume[i] * change * (stress - stress_seen[i]);
             [reversible + late, change.abs()]
         };
         let [work, change] = world.reducer(self.body).sum_points(of_point);
         if change > 0.0 {
             watch.work += work;
-            watch.eigenstrain.copy_from_slice(now);
-            watch.seen.copy_from_slice(stress_before);
+            before.copy_from_slice(now);
+            seen.copy_from_slice(stress_before);
         }
         energies
     }

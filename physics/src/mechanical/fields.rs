@@ -21,6 +21,17 @@ const LOADS_IN_FORCE: Key<Vector3<f64>> = Key::new(
     "body force at the end of the last step",
 );
 
+/// See [`Watched`].
+const WATCHED_EIGENSTRAIN: Key<f64> =
+    Key::new("watched_eigenstrain", "1", "eigenstrain in the last step");
+
+/// See [`Watched`].
+const WATCHED_STRESS: Key<f64> = Key::new(
+    "watched_conjugate_stress",
+    "Pa",
+    "conjugate stress before the eigenstrain changed last",
+);
+
 /// Handles of the fields of a body.
 #[derive(Debug)]
 pub(super) struct Fields {
@@ -43,6 +54,8 @@ pub(super) struct Fields {
     /// If bonds break.
     pub(super) damage: Option<Damage>,
     pub(super) eigenstrain: Option<Read<f64>>,
+    /// For a body in motion with an eigenstrain.
+    pub(super) watched: Option<Watched>,
     pub(super) eigenstrain_tensor: Option<Read<Matrix3<f64>>>,
     /// For a body that grows.
     pub(super) birth_strain: Option<Write<Matrix3<f64>>>,
@@ -56,6 +69,15 @@ pub(super) struct Fields {
     pub(super) temperature: ReadIfProvided<f64>,
     /// Of the material, rad; if it counts for the law of elasticity.
     pub(super) orientation: Option<Read<Vector3<f64>>>,
+}
+
+/// What the watch over the energy keeps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Watched {
+    /// Eigenstrain in the last step.
+    pub(super) eigenstrain: Write<f64>,
+    /// Stress conjugate to it before it changed last, Pa, where the deformation makes heat.
+    pub(super) stress: Option<Write<f64>>,
 }
 
 /// Fields of the boundaries that hold points.
@@ -246,6 +268,22 @@ fn kept(
     ])
 }
 
+fn watched(
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+    is_explicit: bool,
+) -> Result<Option<Watched>, SetupError> {
+    if !is_explicit || !setup.is_declared(body, &keys::EIGENSTRAIN, Access::Add) {
+        return Ok(None);
+    }
+    let makes_heat = setup.is_declared(body, &keys::CONJUGATE_STRESS, Access::Read);
+    let keep_stress = makes_heat.then(|| setup.keep(body, &WATCHED_STRESS));
+    Ok(Some(Watched {
+        stress: keep_stress.transpose()?,
+        eigenstrain: setup.keep(body, &WATCHED_EIGENSTRAIN)?,
+    }))
+}
+
 impl Fields {
     /// The sinks of loads.
     pub(super) fn loads<'a>(&self, world: &'a World) -> LoadSinks<'a> {
@@ -323,6 +361,7 @@ impl Fields {
                 false => None,
             },
             eigenstrain: setup.consume_if_added(body, &keys::EIGENSTRAIN)?,
+            watched: watched(setup, body, is_explicit)?,
             eigenstrain_tensor: setup.consume_if_added(body, &keys::EIGENSTRAIN_TENSOR)?,
             birth_strain: match setup.world().is_growing(body) {
                 true => Some(setup.own(body, &keys::BIRTH_STRAIN)?),

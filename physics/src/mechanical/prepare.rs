@@ -11,7 +11,7 @@ use perimelt_core::{
 
 use super::energy::Energy;
 use super::equilibrium::Statics;
-use super::fields::{Features, Fields, LawState};
+use super::fields::{Features, Fields, LawState, has_tensor_eigenstrain};
 use super::fracture::{Criterion, Fracture};
 use super::growth;
 use super::keys::{Formulation, Kinematics, Mechanical};
@@ -122,6 +122,7 @@ fn check_formulation(
         staggered::check(keys)?;
     }
     growth::check(keys, setup, body)?;
+    let has_tensor = has_tensor_eigenstrain(setup, body);
     let mut refuse = |is_wrong: bool, key: &str, message: &str, expected: &str| match is_wrong {
         false => Ok(()),
         true => {
@@ -146,6 +147,12 @@ fn check_formulation(
         "fracture",
         "several processes do not share broken bonds",
         "no `fracture`, or one process",
+    )?;
+    refuse(
+        has_tensor,
+        "",
+        "several processes share an eigenstrain that is the same in all directions only",
+        "materials that expand alike along all axes, or one process",
     )?;
     refuse(
         keys.surface_stress == SurfaceStress::Extrapolated,

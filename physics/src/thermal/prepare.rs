@@ -1,12 +1,10 @@
 //! Set-up of the heat: fields, family, conduction, convection.
 
-use std::rc::Rc;
 use std::sync::Arc;
 
 use perimelt_core::Change;
 use perimelt_core::material::{Directional, Property};
-use perimelt_core::world::exchange::Exchange;
-use perimelt_core::world::{BodyIndex, SurfaceDepths};
+use perimelt_core::world::BodyIndex;
 use perimelt_core::{
     Access, Body, Correction, Description, Face, FamilyHandle, FamilySpec, Horizon, Influence,
     Pddo, Read, ReadIfProvided, Setup, SetupError, StepSize, Wall, Write, keys,
@@ -27,8 +25,7 @@ use super::mixture::MixedFluids;
 use super::plies;
 use super::refined::Refined;
 use super::run::{Cracks, HeatAccount, RunningThermal};
-use super::surface::{Surface, SurfaceDistances};
-use super::surface_depth;
+use super::surface::{self, Surface};
 
 /// The state of a heat physics, and the sinks that it consumes where a plugin adds into them.
 #[derive(Clone, Copy, Debug)]
@@ -146,7 +143,7 @@ impl RunningThermal {
             .map(|convection| thermal.carried(setup, &domain, convection))
             .transpose()?;
         let has_conductance = fields.conductance.is_some();
-        let surface = prepare_surface(setup, body, family, &conduction, has_conductance, edges)?;
+        let surface = surface::prepare(setup, body, family, &conduction, has_conductance, edges)?;
         check_two_way(thermal.solver, surface.as_ref(), fields.given.is_some())?;
         check_directions(&conduction, austenite.is_some(), surface.is_some())?;
         let fixed =
@@ -222,34 +219,6 @@ fn check_two_way(
 }
 
 /// Publishes the distances of the surface from the outermost points, and collects the exchanges of the surface.
-/// `has_conductance`: other bodies exchange heat through the surface. `edges`: see [`Operators`].
-fn prepare_surface(
-    setup: &mut Setup<'_>,
-    body: BodyIndex,
-    family: FamilyHandle,
-    conduction: &Conduction,
-    has_conductance: bool,
-    edges: Option<Vec<Vec<[f64; 2]>>>,
-) -> Result<Option<Surface>, SetupError> {
-    let exchanges: Vec<Rc<Exchange>> = setup.facts(body).cloned().collect();
-    let is_exchanged = !exchanges.is_empty() || has_conductance;
-    let depth = match is_exchanged && conduction.is_by_bonds() && edges.is_none() {
-        false => SurfaceDepths::default(),
-        true => {
-            let family = setup.world().family(family);
-            surface_depth::depths(setup.body(body), &family)
-        }
-    };
-    setup.publish(body, depth)?;
-    let distances = match edges {
-        Some(edges) => SurfaceDistances::Layers(edges),
-        None => SurfaceDistances::Bonds(depth),
-    };
-    Surface::new(exchanges, distances)
-        .map(|surface| surface.with_surroundings(setup))
-        .transpose()
-}
-
 impl FormKeys {
     /// Faces behind which the body continues: the `claimed` faces of boundaries, or all.
     fn continued_faces(self, body: &Body, claimed: Vec<Face>) -> Vec<Face> {

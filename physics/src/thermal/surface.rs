@@ -14,15 +14,17 @@
 
 use std::rc::Rc;
 
-use perimelt_core::Body;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::solver::{ExactSum, Reducer};
-use perimelt_core::world::SurfaceDepths;
 use perimelt_core::world::exchange::{Exchange, SurfaceDepth, SurfaceLaw};
+use perimelt_core::world::{BodyIndex, SurfaceDepths};
+use perimelt_core::{Body, FamilyHandle, Setup, SetupError};
 use rayon::prelude::*;
 
+use super::conduction::Conduction;
 use super::given::GivenHeat;
 use super::points::ConductingPoints;
+use super::surface_depth;
 
 /// Largest number of iterations for the temperature of a surface.
 const ITERATIONS: usize = 30;
@@ -58,6 +60,35 @@ pub(super) enum SurfaceDistances {
     Bonds(SurfaceDepths),
     /// By layer and material, those of edges across x and y, in spacings; the others are those of the stations.
     Layers(Vec<Vec<[f64; 2]>>),
+}
+
+/// Prepares the exchanges of a body whose heat `conduction` conducts. `has_conductance`: other bodies exchange heat through the surface.
+/// `edges` are those of [`SurfaceDistances::Layers`].
+pub(super) fn prepare(
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+    family: FamilyHandle,
+    conduction: &Conduction,
+    has_conductance: bool,
+    edges: Option<Vec<Vec<[f64; 2]>>>,
+) -> Result<Option<Surface>, SetupError> {
+    let exchanges: Vec<Rc<Exchange>> = setup.facts(body).cloned().collect();
+    let is_exchanged = !exchanges.is_empty() || has_conductance;
+    let depth = match is_exchanged && conduction.is_by_bonds() && edges.is_none() {
+        false => SurfaceDepths::default(),
+        true => {
+            let family = setup.world().family(family);
+            surface_depth::depths(setup.body(body), &family)
+        }
+    };
+    setup.publish(body, depth)?;
+    let distances = match edges {
+        Some(edges) => SurfaceDistances::Layers(edges),
+        None => SurfaceDistances::Bonds(depth),
+    };
+    Surface::new(exchanges, distances)
+        .map(|surface| surface.with_surroundings(setup))
+        .transpose()
 }
 
 impl SurfaceDistances {
