@@ -251,6 +251,17 @@ pub(super) fn is_conjugate_tensor_read(setup: &Setup<'_>, body: BodyIndex) -> bo
     setup.is_declared(body, &keys::CONJUGATE_STRESS_TENSOR, Access::Read)
 }
 
+/// What holds the points, if boundaries do.
+fn hold(setup: &mut Setup<'_>, body: BodyIndex) -> Result<Option<Hold>, SetupError> {
+    let Some(constraint) = setup.consume_if_added(body, &keys::CONSTRAINT)? else {
+        return Ok(None);
+    };
+    Ok(Some(Hold {
+        constraint,
+        displacement: setup.consume(body, &keys::HELD_DISPLACEMENT)?,
+    }))
+}
+
 /// The fields of the force of the last step, and of the body force in it where there is one.
 fn kept(
     setup: &mut Setup<'_>,
@@ -308,13 +319,6 @@ impl Fields {
             modes,
         } = features;
         let [force, loads_in_force] = kept(setup, body, is_explicit && has_points_as_nodes)?;
-        let hold = match setup.consume_if_added(body, &keys::CONSTRAINT)? {
-            Some(constraint) => Some(Hold {
-                constraint,
-                displacement: setup.consume(body, &keys::HELD_DISPLACEMENT)?,
-            }),
-            None => None,
-        };
         Ok(Fields {
             displacement: setup.own(body, &keys::DISPLACEMENT)?,
             velocity: (is_explicit.then(|| setup.own(body, &keys::VELOCITY))).transpose()?,
@@ -373,7 +377,7 @@ impl Fields {
                 true => setup.take_if_added(body, &keys::IMPULSE)?,
                 false => None,
             },
-            hold,
+            hold: hold(setup, body)?,
             temperature: setup.read_if_provided(body, &keys::TEMPERATURE)?,
             orientation: match law.is_some_and(|law| law.has_directions) {
                 true => Some(setup.given(body, &keys::ORIENTATION)?),
