@@ -106,8 +106,13 @@ fn run(text: &str, until: f64, start: Option<&[u8]>, processes: Processes) -> Op
     })
 }
 
-/// What differs between the ends of two runs.
-fn differences(one: &End, other: &End) -> Vec<String> {
+/// Asserts that two runs end in the same bits, and tells what differs.
+fn assert_same(one: &End, other: &End, run: &str) {
+    fn names<T>(list: &[(String, T)]) -> Vec<&String> {
+        list.iter().map(|(name, _)| name).collect()
+    }
+    assert_eq!(names(&one.fields), names(&other.fields), "{run}");
+    assert_eq!(names(&one.numbers), names(&other.numbers), "{run}");
     let mut found = Vec::new();
     for ((name, a), (_, b)) in one.fields.iter().zip(&other.fields) {
         let count = a.iter().zip(b).filter(|(a, b)| a != b).count();
@@ -127,7 +132,7 @@ fn differences(one: &End, other: &End) -> Vec<String> {
             found.push(name.into());
         }
     }
-    found
+    assert!(found.is_empty(), "{run}: {found:?}");
 }
 
 /// [`run`] in some threads.
@@ -146,8 +151,8 @@ fn heat_has_the_same_bits_for_any_number_of_processes() {
         let alone = run_in(1, &text, 1.0, None);
         assert!(alone.steps > 10 && !alone.numbers.is_empty() && alone.fields.len() >= 3);
         for count in counts {
-            let wrong = differences(&run_in(count, &text, 1.0, None), &alone);
-            assert!(wrong.is_empty(), "{count} processes: {wrong:?}");
+            let shared = run_in(count, &text, 1.0, None);
+            assert_same(&shared, &alone, &format!("{count} processes"));
         }
     }
 }
@@ -242,45 +247,32 @@ fn motion_has_the_same_bits_for_any_number_of_processes() {
         }
         for count in [2, 3, 5] {
             let shared = run_in(count, &text, 1.0, None);
-            let wrong = differences(&shared, &alone);
-            assert!(
-                wrong.is_empty(),
-                "{kinematics}, {count} processes: {wrong:?}"
-            );
+            assert_same(&shared, &alone, &format!("{kinematics}, {count} processes"));
         }
+    }
+}
+
+/// Stops a run at a time (s), and lets it go on with other numbers of processes.
+fn assert_goes_on(text: &str, stop: f64, counts: [(usize, usize); 3]) {
+    let whole = run_in(1, text, 1.0, None);
+    for (before, after) in counts {
+        let half = run_in(before, text, stop, None);
+        assert!(half.steps < whole.steps);
+        let end = run_in(after, text, 1.0, Some(&half.checkpoint));
+        assert_same(&end, &whole, &format!("{before}, then {after} processes"));
     }
 }
 
 #[test]
 fn a_motion_goes_on_with_another_number_of_processes() {
     let text = BRACKET.replace("KINEMATICS", "finite");
-    let whole = run_in(1, &text, 1.0, None);
-    for (before, after) in [(1, 3), (3, 1), (2, 4)] {
-        let half = run_in(before, &text, 3e-6, None);
-        assert!(half.steps < whole.steps);
-        let end = run_in(after, &text, 1.0, Some(&half.checkpoint));
-        let wrong = differences(&end, &whole);
-        assert!(
-            wrong.is_empty(),
-            "{before}, then {after} processes: {wrong:?}"
-        );
-    }
+    assert_goes_on(&text, 3e-6, [(1, 3), (3, 1), (2, 4)]);
 }
 
 #[test]
 fn a_run_goes_on_with_another_number_of_processes() {
     let text = WELD.replace("HORIZON", "1");
-    let whole = run_in(1, &text, 1.0, None);
-    for (before, after) in [(1, 3), (3, 1), (2, 5)] {
-        let half = run_in(before, &text, 0.3, None);
-        assert!(half.steps < whole.steps);
-        let end = run_in(after, &text, 1.0, Some(&half.checkpoint));
-        let wrong = differences(&end, &whole);
-        assert!(
-            wrong.is_empty(),
-            "{before}, then {after} processes: {wrong:?}"
-        );
-    }
+    assert_goes_on(&text, 0.3, [(1, 3), (3, 1), (2, 5)]);
 }
 
 /// Plugins and solvers that processes cannot share are refused by name.

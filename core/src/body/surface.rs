@@ -62,6 +62,13 @@ impl Body {
         self.neighbour(point, face).is_none() && self.true_surface(point, face).1.is_some()
     }
 
+    /// Whether some bare cell face is a step of an inclined or curved surface.
+    pub fn has_steps(&self) -> bool {
+        let is_outlined = self.outline.is_some() || self.layers().is_some();
+        let faces = || Face::ALL.into_iter().filter(|f| f.axis() < self.dimension);
+        is_outlined && (0..self.points.len()).any(|p| faces().any(|face| self.is_step(p, face)))
+    }
+
     /// Area of the true surface over that of a bare face of a cell, and its normal if the face is a step of it.
     fn true_surface(&self, point: usize, face: Face) -> (f64, Option<Vector3<f64>>) {
         match &self.discretisation {

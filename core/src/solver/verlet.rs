@@ -158,10 +158,9 @@ impl Verlet {
         &mut self,
         time: f64,
         dt: f64,
-        motion: VerletState,
+        mut motion: VerletState,
         mut dynamics: impl Dynamics,
     ) -> Result<(), SolverError> {
-        let mut motion = motion;
         motion.check(dt)?;
         if !self.knows_force {
             self.find_force(time, &mut motion, &mut dynamics)?;

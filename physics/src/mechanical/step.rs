@@ -159,12 +159,8 @@ impl MechanicalRun {
 
     /// The force of the last step by component of nodes, N/m³, passed to `look`; `None` if the next step has to evaluate it.
     pub(super) fn with_force<R>(&self, world: &World, look: impl FnOnce(&[f64]) -> R) -> Option<R> {
-        let is_known = self.state.verlet.knows_force();
-        is_known.then(|| {
-            let of_points = self.fields.force.map(|force| world.read(force.into()));
-            let of_points = of_points.as_deref().unwrap_or_default();
-            look(self.nodes().values(of_points, &self.state.corners.force))
-        })
+        let (is_known, corners) = (self.state.verlet.knows_force(), &self.state.corners);
+        is_known.then(|| self.with_kept(world, self.fields.force, &corners.force, look))
     }
 
     /// The body force in the force of the last step by component of nodes, N/m³, passed to `look`; empty if there is none.
@@ -173,15 +169,24 @@ impl MechanicalRun {
         world: &World,
         look: impl FnOnce(&[f64]) -> R,
     ) -> R {
-        if !self.state.has_loads_in_force {
-            return look(&[]);
+        let corners = &self.state.corners;
+        match self.state.has_loads_in_force {
+            true => self.with_kept(world, self.fields.loads_in_force, &corners.loads, look),
+            false => look(&[]),
         }
-        let of_points = self
-            .fields
-            .loads_in_force
-            .map(|loads| world.read(loads.into()));
+    }
+
+    /// Passes what is kept by component of nodes to `look`: the field of the points, or that of the corners.
+    fn with_kept<R>(
+        &self,
+        world: &World,
+        of_points: Option<Write<Vector3<f64>>>,
+        of_corners: &[f64],
+        look: impl FnOnce(&[f64]) -> R,
+    ) -> R {
+        let of_points = of_points.map(|field| world.read(field.into()));
         let of_points = of_points.as_deref().unwrap_or_default();
-        look(self.nodes().values(of_points, &self.state.corners.loads))
+        look(self.nodes().values(of_points, of_corners))
     }
 
     /// Passes what holds the nodes to `use_held`.

@@ -161,8 +161,8 @@ impl MechanicalRun {
         }
         if self.validity.is_linear {
             let found = self.solid.deformation().relative_displacement_beyond(SMALL);
-            let found = found.map(|found| (found, []));
-            if let Some((found, [])) = world.reducer(self.body).largest(found) {
+            let found = world.reducer(self.body).max(found.unwrap_or(0.0));
+            if found > 0.0 {
                 let largest = &mut self.validity.relative_displacement;
                 *largest = Some(largest.unwrap_or(0.0).max(found));
             }

@@ -39,7 +39,7 @@ pub(super) fn depths(body: &Body, family: &Family) -> SurfaceDepths {
     if is_mirrored.contains(&true) {
         depths.mirrored = deviation([1, 0, 0], true);
     }
-    let has_steps = body.surface(&Face::ALL).iter().any(|cell| cell.is_step());
+    let has_steps = body.has_steps();
     for (c, normal) in depths.bare.iter_mut().zip(SurfaceDepths::NORMALS) {
         let is_needed = has_steps && normal[body.dimension..].iter().all(|n| *n == 0);
         if is_needed || normal == [1, 0, 0] {
