@@ -16,6 +16,8 @@ use toml::{Table, Value};
 const POINTS: usize = 60_000;
 /// Macro steps of a short run; a state is logged after every second one.
 const STEPS: f64 = 8.0;
+/// Most steps of the physics with the shortest ones: a step of heat can be ten thousand of waves.
+const SUB_STEPS: f64 = 200.0;
 
 fn case_files() -> Vec<PathBuf> {
     let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases");
@@ -90,10 +92,12 @@ fn short(file: &Path, factor: f64) -> Result<Table, String> {
         return Err(format!("{points} points are too many"));
     }
     simulation.start().map_err(|e| e.to_string())?;
+    let sub_steps = simulation.sub_steps().iter().copied();
     let end = simulation
         .options()
         .end
-        .min(STEPS * simulation.macro_step());
+        .min(STEPS * simulation.macro_step())
+        .min(SUB_STEPS * sub_steps.fold(f64::INFINITY, f64::min));
     let time = table(&mut whole, "time");
     time.insert("end".into(), end.into());
     time.remove("stages");
