@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs a case as 2 and 4 processes of MPI and compares with the run of one process: logs must be equal in every bit. Then it kills a run of several
+# Runs cases as 2 and 4 processes of MPI and compares with the run of one process: logs must be equal in every bit. Then it kills a run of several
 # processes, and lets another number of processes finish it. Needs a program built with `--features mpi`:
 #
 #     cargo build --release -p perimelt --features mpi && tests/mpi.sh target/release/perimelt
@@ -17,12 +17,19 @@ if "${launch[0]}" --version 2>&1 | grep -qi 'open *mpi\|openrte'; then
     [ "$(id -u)" != 0 ] || launch+=(--allow-run-as-root)
 fi
 
+compare() {
+    local file="$1" name="$2"
+    shift 2
+    "$program" run "$file" --out "$folder/$name.mcap" "$@" >/dev/null
+    for count in 2 4; do
+        "${launch[@]}" -n "$count" "$program" run "$file" --out "$folder/$name-$count.mcap" --threads 1 "$@" >/dev/null
+        "$program" diff "$folder/$name.mcap" "$folder/$name-$count.mcap" | tail -1
+    done
+}
 end=(--until 1)
-"$program" run "$case" --out "$folder/one.mcap" "${end[@]}" >/dev/null
-for count in 2 4; do
-    "${launch[@]}" -n "$count" "$program" run "$case" --out "$folder/$count.mcap" --threads 1 "${end[@]}" >/dev/null
-    "$program" diff "$folder/one.mcap" "$folder/$count.mcap" | tail -1
-done
+compare "$case" one "${end[@]}"
+# bonds break
+compare cases/performance/block-47-ordinary.toml solid --set materials.glass.critical_stretch=5e-5
 
 echo "a run of 2 processes, of which one is killed"
 "${launch[@]}" -n 2 "$program" run "$case" --out "$folder/killed.mcap" --threads 1 "${end[@]}" >/dev/null 2>&1 &

@@ -39,6 +39,7 @@ pub mod orientation;
 pub mod pair_list;
 pub mod pddo;
 pub mod plugin;
+mod point_rows;
 pub mod programme;
 pub mod samples;
 pub mod schedule;
@@ -69,6 +70,7 @@ pub use plugin::{
     Balance, Coupler, LoadError, Physics, PhysicsReport, Prepared, Report, RunningCoupler,
     RunningPhysics, SavedState,
 };
+pub use point_rows::PointRows;
 pub use programme::Programme;
 pub use setup::{Access, ClaimedLayers, ExpectedGift, GivenValue, LayerRole, Setup, Warning};
 pub use simulation::Simulation;

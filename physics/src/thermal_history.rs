@@ -222,7 +222,7 @@ impl RunningPhysics for RunningHistory {
         Ok(Work::default())
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(&self.points)
     }
 

@@ -174,6 +174,7 @@ density = 7800
 fracture_energy = 2e4
 thermal_expansion = 1.2e-5
 youngs_modulus = { temperature = [300, 800], value = [2.1e11, 1.5e11] }
+poissons_ratio = 0.25
 yield_stress = 3e8
 specific_heat = 500
 conductivity = 40
@@ -183,6 +184,7 @@ density = 7300
 fracture_energy = 2e4
 thermal_expansion = 2.3e-5
 youngs_modulus = 5e10
+poissons_ratio = 0.25
 specific_heat = 500
 conductivity = 40
 
@@ -229,8 +231,14 @@ interval = 2e-6
 
 #[test]
 fn motion_has_the_same_bits_for_any_number_of_processes() {
-    for kinematics in ["linear", "finite"] {
-        let text = BRACKET.replace("KINEMATICS", kinematics);
+    let all = [
+        ("linear", BRACKET.into(), &[2, 3, 5][..]),
+        ("finite", BRACKET.into(), &[2, 3, 5]),
+        ("linear", ordinary(BRACKET), &[3]),
+        ("finite", ordinary(BRACKET), &[2]),
+    ];
+    for (kinematics, text, counts) in all {
+        let text = text.replace("KINEMATICS", kinematics);
         let alone = run_in(1, &text, 1.0, None);
         assert!(alone.steps > 10 && alone.fields.len() >= 4);
         let number = |name: &str| {
@@ -245,11 +253,60 @@ fn motion_has_the_same_bits_for_any_number_of_processes() {
         ] {
             assert!(number(name) != 0.0, "{name}");
         }
-        for count in [2, 3, 5] {
+        for &count in counts {
             let shared = run_in(count, &text, 1.0, None);
             assert_same(&shared, &alone, &format!("{kinematics}, {count} processes"));
         }
     }
+}
+
+/// A bracket that is ordinary state-based.
+fn ordinary(text: &str) -> String {
+    let text = text.replace("kinematics", "formulation = \"ordinary\"\nkinematics");
+    text.replace("poissons_ratio = 0.25", "poissons_ratio = 0.3")
+}
+
+/// The bracket, torn apart along `x` and along its diagonals, with an interface through it.
+fn torn(kinematics: &str, criterion: &str) -> String {
+    let fracture = format!(
+        r#"fracture = {{ criterion = "{criterion}", no_fail = ["foot"], interface = {{ through = [[0.01, -1], [0.01, 1]], fracture_energy = 1e4 }} }}
+kinematics"#
+    );
+    let text = BRACKET.replace("kinematics", &fracture);
+    let text = text.replace("KINEMATICS", kinematics);
+    let slow = r#"initial.velocity = ["20 * y", "0", "-30 * x"]"#;
+    assert!(text.contains(slow));
+    text.replace(
+        slow,
+        r#"initial.velocity = ["6e3 * (x - 0.012)", "3e3 * (y - 0.009) * (x - 0.004) / 0.01", "0"]"#,
+    )
+}
+
+#[test]
+fn fracture_has_the_same_bits_for_any_number_of_processes() {
+    let all = [
+        (torn("linear", "energy"), &[2, 3, 5][..]),
+        (torn("finite", "stretch"), &[2, 3, 5]),
+        (ordinary(&torn("finite", "energy")), &[3]),
+    ];
+    for (text, counts) in all {
+        let alone = run_in(1, &text, 1.0, None);
+        let broken = alone
+            .numbers
+            .iter()
+            .find(|(n, _)| n.ends_with("bonds.broken"));
+        let broken = f64::from_bits(broken.expect("reported").1);
+        assert!(broken > 1000.0, "{broken} bonds");
+        for &count in counts {
+            let shared = run_in(count, &text, 1.0, None);
+            assert_same(&shared, &alone, &format!("{count} processes"));
+        }
+    }
+}
+
+#[test]
+fn fracture_goes_on_with_another_number_of_processes() {
+    assert_goes_on(&torn("finite", "energy"), 3e-6, [(1, 3), (3, 1), (2, 4)]);
 }
 
 /// Stops a run at a time (s), and lets it go on with other numbers of processes.
@@ -299,8 +356,11 @@ fn what_processes_cannot_share_is_refused() {
     };
     let all = [
         moving("solver.explicit = { damping = 1e3 }", ""),
-        moving("kinematics", "formulation = \"ordinary\"\nkinematics"),
-        moving("kinematics", "fracture = {}\nkinematics"),
+        moving("kinematics", "formulation = \"correspondence\"\nkinematics"),
+        moving(
+            "kinematics",
+            "formulation = \"ordinary\"\nflow.johnson_cook = {}\nkinematics",
+        ),
         moving("region = \"foot\"", "face = \"x-\""),
         changed("horizon = 1", "horizon = 1\nsolver = \"implicit\""),
         changed("horizon = 1", "horizon = 1\nform = \"ordinary\""),

@@ -41,6 +41,11 @@ impl BlockHead {
     pub(super) fn points(&self) -> Range<usize> {
         self.point as usize..self.point as usize + self.len as usize
     }
+
+    /// The slots of its points.
+    pub(super) fn slots(&self) -> Range<usize> {
+        self.slot as usize..self.slot as usize + self.len as usize
+    }
 }
 
 impl Blocks {

@@ -1,12 +1,14 @@
 //! Broken bonds: one bit for each bond, beside a family that stays as it was built.
 
-use serde::{Deserialize, Serialize};
-
 use super::{Bond, Family, Store};
+use crate::point_rows::PointRows;
 
-/// Which bonds of a family are broken; they never heal. Both directions of a bond break together.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// Which bonds of a family are broken; they never heal. Both directions of a bond break together. In the family of a part, remote
+/// points have bits, too, for their bonds with the points of the part.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BrokenBonds {
+    /// Number of points that the family owns.
+    owned: usize,
     /// Words of a point.
     stride: usize,
     /// A bit for each bond in the order of the point's family.
@@ -19,11 +21,17 @@ impl BrokenBonds {
     /// None of `bonds` bonds of each of `points` points.
     #[must_use]
     pub fn none(points: usize, bonds: usize) -> Self {
+        BrokenBonds::of_part([points; 2], bonds)
+    }
+
+    /// As [`BrokenBonds::none`], of a number of points that are owned, and of all points.
+    fn of_part([owned, all]: [usize; 2], bonds: usize) -> Self {
         let stride = bonds.div_ceil(64);
         BrokenBonds {
+            owned,
             stride,
-            words: vec![0; points * stride],
-            count: vec![0; points],
+            words: vec![0; all * stride],
+            count: vec![0; all],
         }
     }
 
@@ -31,9 +39,9 @@ impl BrokenBonds {
     #[must_use]
     pub fn unbroken(&self) -> Self {
         BrokenBonds {
-            stride: self.stride,
             words: vec![0; self.words.len()],
             count: vec![0; self.count.len()],
+            ..*self
         }
     }
 
@@ -42,16 +50,32 @@ impl BrokenBonds {
         self.count[point] as usize
     }
 
-    /// Whether `other` belongs to a family with as many points and bonds.
-    #[must_use]
-    pub fn is_of_same_family(&self, other: &BrokenBonds) -> bool {
-        let sizes = |b: &BrokenBonds| (b.stride, b.words.len(), b.count.len());
-        sizes(self) == sizes(other)
+    /// Number of broken bonds of the points that the family owns, each end counted.
+    pub fn total(&self) -> usize {
+        self.count[..self.owned].iter().map(|c| *c as usize).sum()
     }
 
-    /// Number of broken bonds, each end counted.
-    pub fn total(&self) -> usize {
-        self.count.iter().map(|c| *c as usize).sum()
+    /// The bits of the points that the family owns and that have broken bonds.
+    pub fn rows(&self) -> PointRows {
+        let points = (0..self.owned).filter(|point| self.count[*point] > 0);
+        let mut rows = PointRows::default();
+        points
+            .for_each(|point| rows.push(point, &self.words[point * self.stride..][..self.stride]));
+        rows
+    }
+
+    /// Breaks the bonds of rows that [`BrokenBonds::rows`] gave; `false` where they are not of this family.
+    #[must_use]
+    pub fn break_rows(&mut self, rows: &PointRows) -> bool {
+        if !rows.is_valid(self.count.len(), self.stride) {
+            return false;
+        }
+        for (point, words) in rows.iter(self.stride) {
+            let own = &mut self.words[point * self.stride..][..self.stride];
+            own.iter_mut().zip(words).for_each(|(own, new)| *own |= new);
+            self.count[point] = own.iter().map(|word| word.count_ones()).sum();
+        }
+        true
     }
 
     /// The bits of a point; empty where no bond is broken.
@@ -108,19 +132,64 @@ impl Family {
         let rows = self.store.rows().map_or(&[][..], |rows| &rows.start);
         let longest = rows.windows(2).map(|s| s[1] - s[0]).max();
         // blocks count as the stencil does
-        BrokenBonds::none(self.points, stencil.or(longest).unwrap_or(0))
+        let bonds = stencil.or(longest).unwrap_or(0);
+        BrokenBonds::of_part([self.points, self.of_body], bonds)
     }
 
     /// Breaks the bonds that `points` have with each other and with each other's images; `point_in`
     /// is [`Family::points_of_slots`]. Nothing happens where there are none.
     pub fn break_pair(&self, points: [u32; 2], point_in: &[u32], broken: &mut BrokenBonds) {
         for [point, other] in [points, [points[1], points[0]]] {
+            if point as usize >= self.points {
+                self.break_remote(point as usize, self.slot_of(other as usize), broken);
+                continue;
+            }
             self.for_each_bond(point as usize, |number, _, slot| {
                 if point_in[slot] == other {
                     broken.break_bond(point as usize, number);
                 }
             });
         }
+    }
+
+    /// Breaks the bond of a remote point with the point of the family in a slot, if there is one.
+    ///
+    /// # Panics
+    /// Where bonds are not those of a stencil.
+    pub fn break_remote(&self, remote: usize, slot: usize, broken: &mut BrokenBonds) {
+        let bonds = self.store.stencil_bonds().expect("parts have a stencil");
+        let Some(at) = self.slot_of_remote(remote) else {
+            return;
+        };
+        let stencil = bonds.stencil.bonds.iter();
+        let mut others = stencil.map(|bond| at.wrapping_add_signed(bond.offset));
+        if let Some(number) = others.position(|other| other == slot) {
+            broken.break_bond(remote, number);
+        }
+    }
+
+    /// The points of the family in reach of the remote one in a slot.
+    ///
+    /// # Panics
+    /// Where bonds are not those of a stencil.
+    pub fn owned_around(&self, slot: usize) -> impl Iterator<Item = usize> {
+        let bonds = self.store.stencil_bonds().expect("parts have a stencil");
+        let stencil = bonds.stencil.bonds.iter();
+        stencil.filter_map(move |bond| self.point_in(slot.wrapping_add_signed(bond.offset)))
+    }
+
+    /// The remote point in a slot.
+    pub fn remote_in(&self, slot: usize) -> Option<usize> {
+        let remote = &self.slots.remote;
+        let place = remote.binary_search_by_key(&slot, |(slot, _)| *slot as usize);
+        place.ok().map(|place| remote[place].1 as usize)
+    }
+
+    /// The slot of a remote point of a lattice, if bonds reach it.
+    fn slot_of_remote(&self, point: usize) -> Option<usize> {
+        let remote = &self.slots.remote;
+        let place = remote.binary_search_by_key(&point, |(_, point)| *point as usize);
+        place.ok().map(|place| remote[place].0 as usize)
     }
 
     /// All bonds of a point: number in its family, bond, slot of the other end.
@@ -161,6 +230,9 @@ impl Family {
     pub fn points_of_slots(&self) -> Vec<u32> {
         let mut points = vec![u32::MAX; self.slots.len];
         (0..self.points as u32).for_each(|p| points[self.slot_of(p as usize)] = p);
+        for &(slot, point) in &self.slots.remote {
+            points[slot as usize] = point;
+        }
         for ghost in &self.slots.ghosts {
             points[ghost.slot as usize] = ghost.point;
         }

@@ -147,6 +147,7 @@ impl Family {
         Ok(Family {
             spec: spec.clone(),
             points: share.owned,
+            of_body: share.body.points.len(),
             bonds: number,
             chunks: chunks(&store),
             slots: bonds.slots(share),

@@ -258,6 +258,7 @@ impl Family {
         Family {
             spec: spec.clone(),
             points: body.points.len(),
+            of_body: body.points.len(),
             bonds: 0,
             slots: Slots {
                 points,

@@ -176,6 +176,7 @@ impl Family {
         let mut family = Family {
             spec: spec.clone(),
             points,
+            of_body: points,
             bonds: number,
             slots: growth.bonds.slots(share),
             layer_rows: Rows::default(),

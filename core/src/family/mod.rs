@@ -74,7 +74,10 @@ use store::{CloudRows, Rows, SlotPlaces, Stencil, StencilBond, StencilBonds, Sto
 #[derive(Debug, Default)]
 pub struct Family {
     spec: FamilySpec,
+    /// Number of points that it owns.
     points: usize,
+    /// Number of points of the body, remote ones included.
+    of_body: usize,
     bonds: usize,
     slots: Slots,
     store: Store,

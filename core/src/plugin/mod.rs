@@ -101,8 +101,8 @@ pub trait RunningPhysics {
         PhysicsReport::default()
     }
 
-    /// Internal state that is not a field.
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    /// Internal state that is not a field, of the whole body ([`World::rows_of_whole`]).
+    fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(())
     }
 

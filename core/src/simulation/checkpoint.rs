@@ -17,7 +17,7 @@ use crate::stepping::{Step, Update};
 pub(super) type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);
 
 /// Version of the layout of checkpoints, those of plugins included.
-const FORMAT: u32 = 11;
+const FORMAT: u32 = 12;
 
 /// A field with its values as bytes, little-endian.
 #[derive(Serialize, Deserialize)]
@@ -75,7 +75,7 @@ impl Simulation {
                 .iter()
                 .map(|&f| self.world.fields.field(f).data().flat().to_vec())
                 .collect();
-            Ok((fields, pack(&*p.plugin.save())?))
+            Ok((fields, pack(&*p.plugin.save(&self.world))?))
         };
         self.physics
             .iter()
@@ -138,7 +138,7 @@ impl Simulation {
                 ),
             },
         });
-        let physics = self.physics.iter().map(|p| PluginState(p.plugin.save()));
+        let physics = (self.physics.iter()).map(|p| PluginState(p.plugin.save(&self.world)));
         let couplers = self.couplers.iter().map(|c| PluginState(c.plugin.save()));
         let checkpoint = Checkpoint {
             clock: self.clock.clone(),

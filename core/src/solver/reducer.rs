@@ -83,6 +83,13 @@ impl Reducer {
         own.value()
     }
 
+    /// The sum of the numbers of all processes.
+    pub fn total_of(&self, own: f64) -> f64 {
+        let mut sum = ExactSum::default();
+        sum.add(own);
+        self.total(sum)
+    }
+
     /// The largest of what processes have found, if any has, with the numbers that belong to it; those of the first process where several have found
     /// the same.
     pub fn largest<const N: usize>(&self, own: Option<(f64, [f64; N])>) -> Option<(f64, [f64; N])> {

@@ -5,12 +5,13 @@
 //! wrong at the other ones after a step: [`World::exchange`] brings the values of their owners. Sums over points go through
 //! [`World::reducer`].
 
-use std::cell::RefCell;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::{BodyIndex, World};
 use crate::body::{Horizon, Part, partition};
 use crate::error::SetupError;
 use crate::field::{FieldIndex, Write};
+use crate::point_rows::PointRows;
 use crate::solver::Reducer;
 use crate::transport::{Message, Processes};
 
@@ -24,7 +25,7 @@ pub(crate) struct Division {
     points: usize,
     /// The process that owns each of the points around the owned ones.
     owners: Vec<u32>,
-    exchange: RefCell<Exchange>,
+    exchange: Arc<Mutex<Exchange>>,
 }
 
 /// What processes exchange at the points of a body.
@@ -32,6 +33,39 @@ pub(crate) struct Division {
 struct Exchange {
     neighbours: Vec<Neighbour>,
     messages: Vec<Message>,
+}
+
+/// The points of a body that other processes own and the bonds of this one reach ([`World::remote_points`]).
+#[derive(Clone, Debug, Default)]
+pub struct RemotePoints {
+    exchange: Option<Arc<Mutex<Exchange>>>,
+    processes: Processes,
+}
+
+impl RemotePoints {
+    /// Brings values by point, of a number of components, those of the owners of these points. Collective; not before the run starts.
+    pub fn bring(&self, values: &mut [f64], components: usize) {
+        let (Some(exchange), Some(transport)) = (&self.exchange, self.processes.transport()) else {
+            return;
+        };
+        let mut exchange = lock(exchange);
+        let Exchange {
+            neighbours,
+            messages,
+        } = &mut *exchange;
+        for (neighbour, message) in neighbours.iter().zip(&mut *messages) {
+            clear(message);
+            neighbour.pack(values, components, message);
+        }
+        transport.exchange(messages);
+        for (neighbour, message) in neighbours.iter().zip(&*messages) {
+            neighbour.unpack(&mut &message.received[..], components, values);
+        }
+    }
+}
+
+fn lock(exchange: &Mutex<Exchange>) -> MutexGuard<'_, Exchange> {
+    exchange.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Points whose values go to another process and come from it, in the same order on both sides.
@@ -137,7 +171,7 @@ impl World {
             points: owner.len(),
             owners: others.iter().map(|p| owner[*p as usize]).collect(),
             numbers,
-            exchange: RefCell::default(),
+            exchange: Arc::default(),
         });
         self.bodies[body] = part;
         Ok(())
@@ -165,7 +199,7 @@ impl World {
                 }
             }
             let exchange = division.find_exchange(&self.processes, &is_needed);
-            *division.exchange.borrow_mut() = exchange;
+            *lock(&division.exchange) = exchange;
         }
     }
 
@@ -189,26 +223,17 @@ impl World {
             if of_body().next().is_none() {
                 continue;
             }
-            let mut exchange = division.exchange.borrow_mut();
+            let mut exchange = lock(&division.exchange);
             let Exchange {
                 neighbours,
                 messages,
             } = &mut *exchange;
             for (neighbour, message) in neighbours.iter().zip(&mut *messages) {
-                message.sent.clear();
-                let mut length = 0;
+                clear(message);
                 for field in of_body() {
                     let data = field.data();
-                    let (values, components) = (data.flat(), data.components());
-                    for &point in &neighbour.sent {
-                        let first = point as usize * components;
-                        message
-                            .sent
-                            .extend_from_slice(&values[first..first + components]);
-                    }
-                    length += neighbour.received.len() * components;
+                    neighbour.pack(data.flat(), data.components(), message);
                 }
-                message.received.resize(length, 0.0);
             }
             transport.exchange(messages);
             for (neighbour, message) in neighbours.iter().zip(&*messages) {
@@ -216,15 +241,52 @@ impl World {
                 for field in of_body() {
                     let mut data = field.data_mut();
                     let components = data.components();
-                    let values = data.flat_mut();
-                    for &point in &neighbour.received {
-                        let (here, behind) = rest.split_at(components);
-                        values[point as usize * components..][..components].copy_from_slice(here);
-                        rest = behind;
-                    }
+                    neighbour.unpack(&mut rest, components, data.flat_mut());
                 }
             }
         }
+    }
+
+    /// The points of other processes around those of a body that this process owns.
+    pub fn remote_points(&self, body: BodyIndex) -> RemotePoints {
+        RemotePoints {
+            exchange: self.divisions[body].as_ref().map(|d| d.exchange.clone()),
+            processes: self.processes.clone(),
+        }
+    }
+
+    /// Rows of owned points of a body as those of the whole body, in all processes. Collective.
+    pub fn rows_of_whole(&self, body: BodyIndex, rows: PointRows) -> PointRows {
+        let (Some(division), Some(transport)) = (&self.divisions[body], self.processes.transport())
+        else {
+            return rows;
+        };
+        let own = rows.renumbered(|point| division.numbers.get(point as usize).copied());
+        let mut all = PointRows::default();
+        transport.gather(
+            bytemuck::must_cast_slice(&own.to_words()),
+            &mut |_, bytes| {
+                all.append_words(&to_values::<u64>(bytes));
+            },
+        );
+        let mut bytes = bytemuck::must_cast_slice(&all.to_words()).to_vec();
+        transport.broadcast(&mut bytes);
+        let mut all = PointRows::default();
+        all.append_words(&to_values::<u64>(&bytes));
+        all.renumbered(Some)
+    }
+
+    /// Those of the rows of points of the whole body whose points this process has.
+    pub fn rows_of_part(&self, body: BodyIndex, rows: PointRows) -> PointRows {
+        let Some(division) = &self.divisions[body] else {
+            return rows;
+        };
+        let (owned, others) = division.numbers.split_at(division.owned);
+        rows.renumbered(|point| {
+            let place = owned.binary_search(&point).ok();
+            let of_other = || Some(others.binary_search(&point).ok()? + owned.len());
+            place.or_else(of_other).map(|place| place as u32)
+        })
     }
 
     /// The entries of a field by point of the whole body, in the first process; `None` in others. Collective.
@@ -249,6 +311,34 @@ impl World {
             }
         });
         (transport.rank() == 0).then_some(whole)
+    }
+}
+
+/// Begins a message.
+fn clear(message: &mut Message) {
+    message.sent.clear();
+    message.received.clear();
+}
+
+impl Neighbour {
+    /// Adds values by point to a message, and makes room for those of the neighbour.
+    fn pack(&self, values: &[f64], components: usize, message: &mut Message) {
+        for &point in &self.sent {
+            let first = point as usize * components;
+            let of_point = &values[first..first + components];
+            message.sent.extend_from_slice(of_point);
+        }
+        let length = message.received.len() + self.received.len() * components;
+        message.received.resize(length, 0.0);
+    }
+
+    /// Takes values by point from the rest of a message.
+    fn unpack(&self, rest: &mut &[f64], components: usize, values: &mut [f64]) {
+        for &point in &self.received {
+            let (here, behind) = rest.split_at(components);
+            values[point as usize * components..][..components].copy_from_slice(here);
+            *rest = behind;
+        }
     }
 }
 

@@ -29,6 +29,7 @@ use crate::transport::Processes;
 use changes::Changes;
 use configuration::Configurations;
 use division::Division;
+pub use division::RemotePoints;
 use exchange::{Exchange, SurfaceDepth};
 use facts::{Fact, FactRule, Facts};
 use families::WorldFamily;

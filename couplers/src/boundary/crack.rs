@@ -130,8 +130,7 @@ impl Coupler for InsulatedCrack {
         let (min, max) = this.bounds();
         let (dimension, box_of_body) = (this.dimension, [min, max]);
         let meets = |cut: &Cut| separates_cells(this, cut) || cut.is_within(box_of_body, dimension);
-        if !cuts.iter().any(meets) {
-            let (min, max) = setup.body(body).bounds();
+        if !setup.world().processes().any(cuts.iter().any(meets)) {
             let message = format!(
                 "the crack separates no points of body `{}`, which spans {} to {} m",
                 setup.body(body).name,
@@ -147,7 +146,7 @@ impl Coupler for InsulatedCrack {
     }
 }
 
-perimelt_core::register_coupler!("insulated_crack", InsulatedCrack, supports: [Layers]);
+perimelt_core::register_coupler!("insulated_crack", InsulatedCrack, supports: [Layers, Division]);
 
 #[cfg(test)]
 mod tests {

@@ -179,7 +179,7 @@ impl RunningPhysics for FluidRun {
         Ok(())
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(SavedFluid {
             initial_mass: self.initial_mass,
             momentum: self.momentum,

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use perimelt_core::family::{Continuation, LayerRule, WithTractions};
+use perimelt_core::world::RemotePoints;
 use perimelt_core::{Body, BondKernel, BrokenBonds, Family, SlotField};
 use rayon::prelude::*;
 
@@ -93,6 +94,8 @@ pub struct SolidBase {
     pub(super) relieved: RelievedModes,
     pub(super) continuation: Continuation,
     pub(super) layer_forces: LayerForces,
+    /// The points of other processes around those of the body.
+    pub(super) remote: RemotePoints,
     /// Sums with as many components as the dimension, in 2D.
     pub(super) padded: Vec<f64>,
     /// Energy density and conjugate stress of each point.
@@ -115,6 +118,7 @@ impl SolidBase {
             plasticity,
             fracture,
             in_motion,
+            remote,
             ..
         } = constitution;
         SolidBase {
@@ -133,6 +137,7 @@ impl SolidBase {
             relieved: RelievedModes::default(),
             continuation: Continuation::default(),
             layer_forces: LayerForces::new(dimension, &body.points.volume, in_motion),
+            remote,
             padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
             energy: vec![[0.0; 2]; points],
             tensors: vec![[0.0; 6]; points],

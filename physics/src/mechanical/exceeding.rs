@@ -26,11 +26,12 @@ pub(super) struct Breakable<'a> {
 }
 
 impl Breakable<'_> {
-    /// Adds the unbroken bonds of `points` beyond their limit to `found`; `ratio` is the load over the limit of a bond of a point, by its
-    /// number there, with a slot.
+    /// Adds the unbroken bonds of `points` beyond their limit, all or those with the point in a slot, to `found`; `ratio` is the load over the limit of a
+    /// bond of a point, by its number there, with a slot.
     pub(super) fn find_exceeding(
         self,
         points: impl Iterator<Item = usize>,
+        with: Option<usize>,
         ratio: impl Fn(usize, usize, &Bond, usize) -> f64,
         found: &mut Vec<Exceeding>,
     ) {
@@ -41,7 +42,7 @@ impl Breakable<'_> {
         } = self;
         for point in points {
             family.for_each_bond(point, |number, bond, slot| {
-                if !broken.is_broken(point, number) {
+                if with.is_none_or(|with| with == slot) && !broken.is_broken(point, number) {
                     let ratio = ratio(point, number, bond, slot);
                     if ratio >= 1.0 {
                         found.push(Exceeding {
@@ -64,24 +65,29 @@ impl Exceeding {
         found.retain(|e| e.ratio >= fraction * largest);
     }
 
-    /// Breaks both directions of the bond, and passes each that was intact to `on_break`: its point, the bond, the slot of the other end. The
+    /// Breaks both directions of the bond, and passes each that was intact to `on_break`: its point, its number there. The
     /// pair of points, the smaller one first, if there are two and one direction was intact.
     pub(super) fn break_bond(
         &self,
         family: &Family,
         broken: &mut BrokenBonds,
-        mut on_break: impl FnMut(usize, &Bond, usize),
+        mut on_break: impl FnMut(usize, usize),
     ) -> Option<[u32; 2]> {
         let Exceeding { point, slot, .. } = *self;
         let mut is_new = break_direction(family, broken, [point, slot], &mut on_break);
-        let other = family.point_in(slot)?;
-        // by rounding, only one end may have exceeded the limit
-        is_new |= break_direction(
-            family,
-            broken,
-            [other, family.slot_of(point)],
-            &mut on_break,
-        );
+        let own = family.slot_of(point);
+        let other = match family.point_in(slot) {
+            Some(other) => {
+                // by rounding, only one end may have exceeded the limit
+                is_new |= break_direction(family, broken, [other, own], &mut on_break);
+                other
+            }
+            None => {
+                let remote = family.remote_in(slot)?;
+                family.break_remote(remote, own, broken);
+                remote
+            }
+        };
         is_new.then(|| [point.min(other) as u32, point.max(other) as u32])
     }
 }
@@ -91,17 +97,39 @@ fn break_direction(
     family: &Family,
     broken: &mut BrokenBonds,
     [point, slot]: [usize; 2],
-    on_break: &mut impl FnMut(usize, &Bond, usize),
+    on_break: &mut impl FnMut(usize, usize),
 ) -> bool {
     let mut was_intact = false;
-    family.for_each_bond(point, |number, bond, other| {
+    family.for_each_bond(point, |number, _, other| {
         if other == slot && !broken.is_broken(point, number) {
             broken.break_bond(point, number);
-            on_break(point, bond, other);
+            on_break(point, number);
             was_intact = true;
         }
     });
     was_intact
+}
+
+/// Fraction of the weight of the bonds of a point that count, which is that of broken ones.
+pub(super) fn lost_fraction(
+    family: &Family,
+    broken: &BrokenBonds,
+    point: usize,
+    counts: impl Fn(&Bond) -> bool,
+) -> f64 {
+    if broken.of(point) == 0 {
+        return 0.0;
+    }
+    let (mut lost, mut total) = (0.0, 0.0);
+    family.for_each_bond(point, |number, bond, _| {
+        if counts(bond) {
+            total += bond.weight;
+            if broken.is_broken(point, number) {
+                lost += bond.weight;
+            }
+        }
+    });
+    lost / total
 }
 
 /// All pairs of points that lost their bond, the smaller one first.
@@ -114,7 +142,7 @@ pub(super) fn broken_pairs<'a>(
         let mut pairs = Vec::new();
         family.for_each_bond(point, |number, _, slot| {
             if broken.is_broken(point, number)
-                && let Some(other) = family.point_in(slot)
+                && let Some(other) = family.point_in(slot).or_else(|| family.remote_in(slot))
                 && other > point
             {
                 pairs.push([point, other]);

@@ -20,16 +20,18 @@
 //! `K - 2 mu` in place of `K - 5/3 mu`, which is not zero for the bond-based solid. Correspondence solids break by
 //! stretch, at the limit of ordinary state-based ones.
 
+mod state;
+
 use perimelt_core::family::BrokenBonds;
 use perimelt_core::material::Property;
 use perimelt_core::{Body, Bond, Family, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::exceeding::{Breakable, Exceeding, broken_pairs};
+use super::exceeding::{Breakable, Exceeding, broken_pairs, lost_fraction};
 use super::interfaces::{Crossings, Interfaces, Limit, OneOrMany};
 use super::moduli::Moduli;
-use super::stretch::TotalWeight;
+pub use state::{FractureState, SavedFracture};
 
 /// When bonds break: at the `fracture_energy` or the `critical_stretch` of the material.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -116,24 +118,8 @@ pub struct Fracture {
     pub critical: Vec<f64>,
     /// Sum of the excess of the bonds of each point over their limits; zero where no bond exceeds its limit.
     pub excess: Vec<f64>,
-    /// Total weight of the bonds of each point, 1/m.
-    pub weight: Vec<f64>,
     /// Broken bonds.
     pub state: FractureState,
-}
-
-/// Broken bonds of a body, and the stress that they carried.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct FractureState {
-    /// Bonds that broke, of each set of bonds that has its own: one, or the sets of a laminate.
-    pub broken: Vec<BrokenBonds>,
-    /// The stress conjugate to the eigenstrain that bonds of each point carried when they broke, Pa: xx, yy, zz, xy, yz, zx. It remains
-    /// part of the `conjugate_stress`: a change of that field heats the body, and a break is not an unloading.
-    pub frozen: Vec<[f64; 6]>,
-    /// Energy that pairs of crossing bonds took when they broke, half of it from either end, J/m²: by interface of a laminate and point of its plane, where modes
-    /// are mixed; else empty.
-    #[serde(default)]
-    pub sliding_energy: Vec<f64>,
 }
 
 /// Bonds that broke in one evaluation.
@@ -151,46 +137,6 @@ pub struct BondLoads<R, C> {
     pub ratio: R,
     /// Stress conjugate to the eigenstrain that the bond of a point with a slot carries along itself, Pa.
     pub conjugate: C,
-}
-
-impl FractureState {
-    /// No broken bonds.
-    pub fn intact(family: &Family, points: usize) -> Self {
-        FractureState {
-            broken: vec![family.unbroken()],
-            frozen: vec![[0.0; 6]; points],
-            sliding_energy: Vec::new(),
-        }
-    }
-
-    /// Trace of the stress that broken bonds of a point carried, Pa.
-    pub fn trace(&self, point: usize) -> f64 {
-        let [xx, yy, zz, ..] = self.frozen[point];
-        xx + yy + zz
-    }
-
-    /// The state before any bond broke.
-    #[must_use]
-    pub fn before_breaks(&self) -> Self {
-        FractureState {
-            broken: self.broken.iter().map(BrokenBonds::unbroken).collect(),
-            frozen: vec![[0.0; 6]; self.frozen.len()],
-            sliding_energy: vec![0.0; self.sliding_energy.len()],
-        }
-    }
-
-    /// Number of broken bonds.
-    pub fn count(&self) -> f64 {
-        0.5 * self.broken.iter().map(BrokenBonds::total).sum::<usize>() as f64
-    }
-
-    /// Whether `other` is a state of a body with the same bonds.
-    #[must_use]
-    pub fn is_of_same_bonds(&self, other: &FractureState) -> bool {
-        let mut sets = self.broken.iter().zip(&other.broken);
-        self.broken.len() == other.broken.len()
-            && sets.all(|(own, other)| own.is_of_same_family(other))
-    }
 }
 
 /// Energy of a bond at an elastic stretch, over its initial stiffness.
@@ -270,8 +216,6 @@ impl Fracture {
         let strength = strength.collect::<Result<Vec<_>, _>>()?;
         let points = this.points.len();
         let unbreakable = section.unbreakable(setup, body)?;
-        let mut weight = vec![[0.0]; points];
-        family.sum(&TotalWeight, [], &mut weight);
         let spec = family.spec();
         let moment = |power| spec.influence.radial_moment(power);
         Ok(Fracture {
@@ -288,7 +232,6 @@ impl Fracture {
             },
             critical: vec![f64::INFINITY; points],
             excess: vec![0.0; points],
-            weight: weight.into_iter().map(|[w]| w).collect(),
             state: FractureState::intact(family, points),
         })
     }
@@ -400,9 +343,10 @@ impl Fracture {
     }
 
     /// Breaks the bonds of which the load over their limit, from `ratio`, is at least 1 and at least `fraction` of the largest;
-    /// adds the fraction of the weight of its bonds that a point lost to `damage`. `ratio` takes a bond and the
+    /// raises `damage` to the fraction of the weight of its bonds that a point lost. `ratio` takes a bond and the
     /// slots of both ends; `conjugate` is the stress conjugate to the eigenstrain that the bond of a point with a
-    /// slot carries, Pa. Only the bonds of points with an excess are examined.
+    /// slot carries, Pa. Only the bonds of points with an excess are examined, remote ones included: processes that share
+    /// a bond find the same.
     pub fn break_bonds(
         &mut self,
         family: &Family,
@@ -411,8 +355,7 @@ impl Fracture {
         loads: BondLoads<impl Fn(&Bond, usize, usize) -> f64, impl Fn(usize, &Bond, usize) -> f64>,
     ) -> NewBreaks {
         let BondLoads { ratio, conjugate } = loads;
-        let points = self.excess.iter().enumerate();
-        let points = points.filter(|(_, e)| **e > 0.0).map(|(point, _)| point);
+        let exceeds = |point: &usize| self.excess[*point] > 0.0;
         let ratio = |point: usize, number: usize, bond: &Bond, slot: usize| {
             self.crossings.factor(point, number) * ratio(bond, family.slot_of(point), slot)
         };
@@ -422,21 +365,42 @@ impl Fracture {
             family,
             broken: self.broken(),
         };
-        breakable.find_exceeding(points, ratio, &mut exceeding);
+        let points = (0..family.points()).filter(exceeds);
+        breakable.find_exceeding(points, None, ratio, &mut exceeding);
+        for &(slot, remote) in family.remote() {
+            if exceeds(&(remote as usize)) {
+                let others = family.owned_around(slot as usize);
+                let others = others.filter(|point| !exceeds(point));
+                breakable.find_exceeding(others, Some(slot as usize), ratio, &mut exceeding);
+            }
+        }
         Exceeding::keep_largest(&mut exceeding, fraction);
         let FractureState { broken, frozen, .. } = &mut self.state;
-        let weight = &self.weight;
-        let mut lose = |point: usize, bond: &Bond, slot: usize| {
-            damage[point] = (damage[point] + bond.weight / weight[point]).min(1.0);
-            let stress = conjugate(point, bond, slot);
-            let [x, y, z] = bond.xi.map(|x| x * bond.inverse_length);
-            let along = [x * x, y * y, z * z, x * y, y * z, z * x];
-            (0..6).for_each(|c| frozen[point][c] += stress * along[c]);
-        };
+        let broken = &mut broken[0];
+        let mut lost: Vec<[usize; 2]> = Vec::new();
+        let mut lose = |point: usize, number: usize| lost.push([point, number]);
         let pairs = exceeding.iter();
-        let pairs = pairs.filter_map(|e| e.break_bond(family, &mut broken[0], &mut lose));
+        let pairs = pairs.filter_map(|e| e.break_bond(family, broken, &mut lose));
+        let pairs = pairs.collect();
+        // in an order that does not depend on where the bonds were found
+        lost.sort_unstable();
+        for of_point in lost.chunk_by(|a, b| a[0] == b[0]) {
+            let point = of_point[0][0];
+            let mut numbers = of_point.iter().map(|[_, number]| *number).peekable();
+            family.for_each_bond(point, |number, bond, slot| {
+                if numbers.next_if_eq(&number).is_none() {
+                    return;
+                }
+                let stress = conjugate(point, bond, slot);
+                let [x, y, z] = bond.xi.map(|x| x * bond.inverse_length);
+                let along = [x * x, y * y, z * z, x * y, y * z, z * x];
+                (0..6).for_each(|c| frozen[point][c] += stress * along[c]);
+            });
+            let lost = lost_fraction(family, broken, point, |_| true);
+            damage[point] = damage[point].max(lost);
+        }
         NewBreaks {
-            pairs: pairs.collect(),
+            pairs,
             any: !exceeding.is_empty(),
         }
     }

@@ -8,6 +8,7 @@
 //! bonds that cross it.
 
 use nalgebra::Vector3;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Body, Bond, Cut, Family, Setup, SetupError};
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -246,7 +247,7 @@ impl Classes<'_> {
         let own = self.of(point);
         let mut bonds: Vec<(u32, Bond, u32, bool)> = Vec::new();
         family.for_each_bond(point as usize, |number, bond, slot| {
-            let is_point = family.point_in(slot).is_some();
+            let is_point = family.point_in(slot).is_some() || family.remote_in(slot).is_some();
             bonds.push((number as u32, *bond, self.point_in[slot], is_point));
         });
         let mut others: Vec<u32> = bonds
@@ -339,8 +340,9 @@ impl Crossings {
             crossed.push(Crossed::Sides(bits));
         }
         let this = setup.body(body);
-        let is_uniform = this.material_of_point.windows(2).all(|m| m[0] == m[1]);
-        if is_uniform && list.is_empty() {
+        let processes = setup.world().processes();
+        let differ = this.material_of_point.windows(2).any(|m| m[0] != m[1]);
+        if list.is_empty() && !processes.any(differ) {
             return Ok(Crossings::default());
         }
         let classes = Classes {
@@ -349,16 +351,16 @@ impl Crossings {
             crossed,
             point_in: family.points_of_slots(),
         };
-        let points = (0..points as u32).into_par_iter();
+        let points = (0..family.points() as u32).into_par_iter();
         let of_point = |point| classes.crossings(family, point);
         let bonds: Vec<Crossing> = points.flat_map_iter(of_point).collect();
         for number in 0..list.len() {
-            if !bonds.iter().any(|b| b.interface == Some(number as u16)) {
+            if !processes.any(bonds.iter().any(|b| b.interface == Some(number as u16))) {
                 let message = format!("no bond crosses interface number {}", number + 1);
                 return refuse(message, "an interface within the body");
             }
         }
-        let warnings = thin_materials(this, &bonds);
+        let warnings = thin_materials(this, &bonds, &setup.world().reducer(body));
         warnings.into_iter().for_each(|warning| setup.warn(warning));
         Ok(Crossings { limits, bonds })
     }
@@ -441,7 +443,7 @@ impl Crossings {
 }
 
 /// Sentences about the materials most of whose points are passed by bonds from one side to the other.
-fn thin_materials(body: &Body, bonds: &[Crossing]) -> Vec<String> {
+fn thin_materials(body: &Body, bonds: &[Crossing], reducer: &Reducer) -> Vec<String> {
     let mut is_passed = vec![false; body.points.len()];
     for point in bonds.iter().flat_map(|b| &b.passed) {
         is_passed[*point as usize] = true;
@@ -449,10 +451,12 @@ fn thin_materials(body: &Body, bonds: &[Crossing]) -> Vec<String> {
     let mut sentences = Vec::new();
     for (number, material) in body.materials.iter().enumerate() {
         let points = body.material_of_point.iter().zip(&is_passed);
+        let points = points.take(reducer.owned());
         let points = points.filter(|(m, _)| usize::from(**m) == number);
         let passed: Vec<bool> = points.map(|(_, passed)| *passed).collect();
         let count = passed.iter().filter(|passed| **passed).count();
-        if count > 0 && 2 * count >= passed.len() {
+        let [count, all] = [count, passed.len()].map(|own| reducer.total_of(own as f64));
+        if count > 0.0 && 2.0 * count >= all {
             sentences.push(format!(
                 "material `{}` of body `{}` is thinner than the horizon: bonds reach through it, so that its strength acts \
                  over the width of the horizon (use a finer spacing, or give the strength of the layer as `interface` in \

@@ -115,7 +115,7 @@ use perimelt_core::{
     StepSize, Stepping, Work, World,
 };
 
-use fracture::FractureState;
+use fracture::SavedFracture;
 pub use keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
 use section::Section;
 use serde::{Deserialize, Serialize};
@@ -183,7 +183,7 @@ struct RunningMechanical {
 #[derive(Deserialize)]
 struct SavedMechanical {
     state: MechanicalState,
-    broken: Option<FractureState>,
+    broken: Option<SavedFracture>,
     relieved: Vec<[[f64; 3]; 4]>,
 }
 
@@ -191,7 +191,7 @@ struct SavedMechanical {
 #[derive(Serialize)]
 struct SavedMechanicalRef<'a> {
     state: &'a MechanicalState,
-    broken: Option<&'a FractureState>,
+    broken: Option<SavedFracture>,
     relieved: &'a [[[f64; 3]; 4]],
 }
 
@@ -292,7 +292,7 @@ impl RunningPhysics for RunningMechanical {
         let broken = run.solid.fracture_state().into_iter().flat_map(|state| {
             let modes = run.solid.failure_modes();
             let bonds = match modes.is_empty() {
-                true => state.count(),
+                true => world.reducer(run.body).total_of(state.count()),
                 false => modes.iter().map(|mode| mode.broken).sum(),
             };
             let all = Report::new("bonds.broken", "1", bonds);
@@ -318,11 +318,17 @@ impl RunningPhysics for RunningMechanical {
         }
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, world: &World) -> Box<dyn erased_serde::Serialize + '_> {
+        let run = &self.run;
+        let whole = |rows| world.rows_of_whole(run.body, rows);
+        let owned = world.reducer(run.body).owned();
         Box::new(SavedMechanicalRef {
-            state: &self.run.state,
-            broken: self.run.solid.fracture_state(),
-            relieved: &self.run.solid.base().relieved.modes,
+            state: &run.state,
+            broken: run
+                .solid
+                .fracture_state()
+                .map(|state| state.saved(owned, whole)),
+            relieved: &run.solid.base().relieved.modes,
         })
     }
 
@@ -349,13 +355,14 @@ impl RunningPhysics for RunningMechanical {
             0
         };
         check_length("velocities of corners", saved.velocity.len(), velocities)?;
-        if let (Some(own), Some(broken)) = (run.solid.fracture_state(), &broken) {
-            let is_own = own.is_of_same_bonds(broken);
-            check_length("broken bonds", usize::from(is_own), 1)?;
-            check_length("frozen stress", broken.frozen.len(), own.frozen.len())?;
-            let [saved, own] = [broken, own].map(|state| state.sliding_energy.len());
-            check_length("energies of sliding", saved, own)?;
-        }
+        let broken = match (run.solid.fracture_state(), broken) {
+            (Some(own), Some(saved)) => {
+                let restored = own.restored(saved, |rows| world.rows_of_part(run.body, rows));
+                check_length("broken bonds", usize::from(restored.is_some()), 1)?;
+                restored
+            }
+            _ => None,
+        };
         run.state = state;
         run.scratch.note_load();
         run.restore_presence();

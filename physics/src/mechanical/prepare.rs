@@ -40,7 +40,7 @@ pub(super) fn run(
     let keys = &*keys;
     let body = setup.find_body(keys.body.as_deref())?;
     law.check_plies(setup.body(body))?;
-    check_formulation(keys, setup, body)?;
+    check_formulation(keys, setup, body, flow.is_some())?;
     let layers = setup.layers(body, &keys::DISPLACEMENT);
     let family = family(keys, setup, body, layers.faces())?;
     let bent = traction_layer(keys, layers.rules)?;
@@ -117,12 +117,15 @@ fn check_formulation(
     keys: &Mechanical,
     setup: &mut Setup<'_>,
     body: BodyIndex,
+    flows: bool,
 ) -> Result<(), SetupError> {
     if keys.formulation() == Formulation::Staggered {
         staggered::check(keys)?;
     }
     growth::check(keys, setup, body)?;
     let has_tensor = has_tensor_eigenstrain(setup, body);
+    let formulation = keys.formulation();
+    let is_of_bonds = matches!(formulation, Formulation::Bond | Formulation::Ordinary);
     let mut refuse = |is_wrong: bool, key: &str, message: &str, expected: &str| match is_wrong {
         false => Ok(()),
         true => {
@@ -137,16 +140,16 @@ fn check_formulation(
         "`solver.explicit`, or one process",
     )?;
     refuse(
-        keys.formulation() != Formulation::Bond,
+        !is_of_bonds,
         "formulation",
-        "several processes share bond-based solids only",
-        "\"bond\", or one process",
+        "several processes share solids with forces along bonds only",
+        "\"bond\" or \"ordinary\", or one process",
     )?;
     refuse(
-        keys.fracture.is_some(),
-        "fracture",
-        "several processes do not share broken bonds",
-        "no `fracture`, or one process",
+        flows,
+        "",
+        "several processes do not share plastic flow",
+        "no `flow`, or one process",
     )?;
     refuse(
         has_tensor,
@@ -339,6 +342,7 @@ fn constitution(
         elasticity,
         finite: keys.kinematics == Kinematics::Finite,
         in_motion: keys.solver.damping().is_some(),
+        remote: setup.world().remote_points(body),
         plasticity: match flow {
             Some(flow) => Some(Plasticity::of(flow, setup.body(body), keys.plane)?),
             None => None,

@@ -6,6 +6,7 @@ use nalgebra::Matrix3;
 use perimelt_core::Body;
 use perimelt_core::family::{AxisPlane, LayerRule};
 use perimelt_core::solver::Spring;
+use perimelt_core::world::RemotePoints;
 
 use super::base::SolidBase;
 use super::deformation::Deformation;
@@ -29,6 +30,8 @@ pub struct Constitution {
     pub failure: Option<PlyStrength>,
     /// Whether the body moves, so that its forces must have an energy also at layers.
     pub in_motion: bool,
+    /// The points of other processes around those of the body.
+    pub remote: RemotePoints,
 }
 
 impl Constitution {
@@ -41,6 +44,7 @@ impl Constitution {
             fracture: None,
             failure: None,
             in_motion: false,
+            remote: RemotePoints::default(),
         }
     }
 }

@@ -396,6 +396,10 @@ impl MechanicalRun {
         else {
             return false;
         };
+        let base = self.solid.base_mut();
+        if let Some(fracture) = &mut base.fracture {
+            base.remote.bring(&mut fracture.excess, 1);
+        }
         let breaks = self.solid.break_bonds(fraction, &mut world.write(*field));
         world.break_pairs(breaker, breaks.pairs);
         if breaks.any && !modes.is_empty() {

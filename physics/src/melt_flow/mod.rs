@@ -393,7 +393,7 @@ impl RunningPhysics for RunningMeltFlow {
         }
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(Saved {
             points: self.pool.points.clone(),
             ..self.saved.clone()

@@ -421,7 +421,7 @@ impl RunningPhysics for RunningMetallurgy {
         vec![Report::new("largest share of austenite", "1", hottest)].into()
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(&self.points)
     }
 

@@ -252,7 +252,7 @@ fn a_restart_goes_on_with_the_same_shares() {
     };
     let mut first = ready();
     first.step(2.0, 850.0);
-    let saved = serde_json::to_string(&first.metallurgy.save()).expect("serialises");
+    let saved = serde_json::to_string(&first.metallurgy.save(&first.world)).expect("serialises");
     let mut second = ready();
     let mut json = serde_json::Deserializer::from_str(&saved);
     let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);

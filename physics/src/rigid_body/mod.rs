@@ -387,7 +387,7 @@ impl RunningPhysics for RunningRigidBody {
         self.reports().into()
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(&self.state)
     }
 

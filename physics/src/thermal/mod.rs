@@ -313,7 +313,7 @@ impl RunningPhysics for RunningThermal {
         reports.into()
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(Saved {
             heat: self.heat,
             control: self.integrator.control(),

@@ -271,7 +271,7 @@ fn a_restart_goes_on_with_the_cooling() {
         heated
     };
     let (first, mut second) = (half(), Heated::new(1, "", |_| 300.0));
-    let saved = serde_json::to_string(&first.history.save()).expect("serialises");
+    let saved = serde_json::to_string(&first.history.save(&first.world)).expect("serialises");
     let mut json = serde_json::Deserializer::from_str(&saved);
     let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);
     second

@@ -89,7 +89,7 @@ impl RunningPhysics for RunningDiffusion {
         vec![Balance::new("moisture", "kg", now, self.initial, 0.0).of_size(self.initial)]
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(self.initial)
     }
 

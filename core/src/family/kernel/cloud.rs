@@ -2,8 +2,8 @@
 //!
 //! Columns are loaded one by one, as gather instructions are slower.
 
-use super::lattice::lanes;
-use super::{Bits, Bond, BondKernel, Output, SweepInputs};
+use super::lattice::{lane_of, lanes};
+use super::{Bits, Bond, BondKernel, Output, SweepInputs, inputs_at};
 use crate::family::{Chunk, CloudRows, FamilySpec, Rows, SlotPlaces};
 #[cfg(target_arch = "x86_64")]
 use crate::instructions::{self, InstructionSet};
@@ -51,7 +51,7 @@ impl SlotPlaces {
             self.add_bonds::<I, O, false>(kernel, inputs, group, counts, &mut sums);
             first += ROW_LANES;
         }
-        sums.map(|lanes| lanes.into_iter().sum())
+        total_of_lanes(&sums)
     }
 
     /// Adds a group of bonds. Lanes that do not count compute with any numbers; if all count (`WHOLE`), skipping the test
@@ -65,8 +65,8 @@ impl SlotPlaces {
         counts: impl Fn(usize) -> bool,
         sums: &mut [[f64; ROW_LANES]; O],
     ) {
-        let here: [f64; 3] = std::array::from_fn(|a| self.at[a][slot]);
-        let own: [f64; I] = std::array::from_fn(|i| inputs[i][slot]);
+        let here = [self.at[0][slot], self.at[1][slot], self.at[2][slot]];
+        let own = inputs_at(inputs, slot);
         let columns: [u32; ROW_LANES] = rows.column[first..first + ROW_LANES]
             .try_into()
             .expect("the slice has as many elements");
@@ -85,10 +85,11 @@ impl SlotPlaces {
             *other = unsafe { gather(input, columns) };
         }
         for lane in 0..ROW_LANES {
-            let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
+            let [x, y, z] = lane_of(&there, lane);
+            let xi = [x - here[0], y - here[1], z - here[2]];
             let length = (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt();
             let bond = Bond::new(xi, length, [weight[lane], dual[lane]]);
-            let part = kernel.bond(&bond, own, std::array::from_fn(|i| other[i][lane]));
+            let part = kernel.bond(&bond, own, lane_of(&other, lane));
             for o in 0..O {
                 let counts = WHOLE || counts(first + lane);
                 sums[o][lane] += if counts { part[o] } else { 0.0 };
@@ -126,6 +127,16 @@ pub(super) fn sweep_cloud<const I: usize, const O: usize>(
         // contains them.
         unsafe { output.set(point, sum) }
     }
+}
+
+/// Each sum over all lanes.
+#[inline(always)]
+fn total_of_lanes<const O: usize>(sums: &[[f64; ROW_LANES]; O]) -> [f64; O] {
+    let mut totals = [0.0; O];
+    for (total, lanes) in totals.iter_mut().zip(sums) {
+        *total = lanes.iter().sum();
+    }
+    totals
 }
 
 /// Fields by slot from which the weights of rows follow.

@@ -48,8 +48,7 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
     chunk: &Chunk,
 ) {
     let LatticeSweep { family, bonds } = sweep;
-    // slices of one length need one check of bounds for all
-    let values = &inputs.values.map(|input| &input[..family.slots.len]);
+    let values = &of_length(inputs.values, family.slots.len);
     // SAFETY: points of a chunk are points of the family, for each of which `output` has sums, and no other chunk
     // contains them.
     let set = |point: usize, sum: [f64; O]| unsafe { output.set(point, sum) };
@@ -73,9 +72,13 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
                     weights: None,
                 };
                 let sums = sum_lanes(kernel, bonds, values, slot + first);
-                points.zip(sums).for_each(|(p, sum)| set(p, sum));
+                for (point, sum) in points.zip(sums) {
+                    set(point, sum);
+                }
             } else {
-                points.for_each(set_alone);
+                for point in points {
+                    set_alone(point);
+                }
             }
             done = first + LANES;
         }
@@ -89,9 +92,13 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
                 weights: Some(bonds.blocks.weights(block)),
             };
             let sums = sum_lanes(kernel, bonds, values, head.slot as usize);
-            points.zip(sums).for_each(|(p, sum)| set(p, sum));
+            for (point, sum) in points.zip(sums) {
+                set(point, sum);
+            }
         } else {
-            points.for_each(set_alone);
+            for point in points {
+                set_alone(point);
+            }
         }
     }
 }
@@ -143,22 +150,22 @@ pub(super) fn sum_lanes<const I: usize, const O: usize, const N: usize>(
         let other: [[f64; N]; I] = lanes(inputs, at);
         for lane in 0..N {
             let bond = bonds.of_lane(number, bond, lane);
-            let part = kernel.bond(
-                &bond,
-                std::array::from_fn(|i| own[i][lane]),
-                std::array::from_fn(|i| other[i][lane]),
-            );
+            let part = kernel.bond(&bond, lane_of(&own, lane), lane_of(&other, lane));
             let counts = bonds.counts(&bond);
-            for o in 0..O {
-                sums[o][lane] += if counts { part[o] } else { 0.0 };
+            for (sums, part) in sums.iter_mut().zip(&part) {
+                sums[lane] += if counts { *part } else { 0.0 };
             }
         }
     }
-    std::array::from_fn(|lane| std::array::from_fn(|o| sums[o][lane]))
+    let mut of_points = [[0.0; O]; N];
+    for (lane, of_point) in of_points.iter_mut().enumerate() {
+        *of_point = lane_of(&sums, lane);
+    }
+    of_points
 }
 
 /// The inputs of `N` consecutive slots. A loop, as the compiler does not inline `array::from_fn` into the sweeps of large
-/// kernels.
+/// kernels; nor are there closures in the sweeps, each of which would be compiled for every kernel.
 #[inline(always)]
 pub(super) fn lanes<const I: usize, const N: usize>(
     inputs: &[&[f64]; I],
@@ -169,4 +176,30 @@ pub(super) fn lanes<const I: usize, const N: usize>(
         values.copy_from_slice(&input[at..at + N]);
     }
     values
+}
+
+/// One lane of each value.
+#[inline(always)]
+pub(super) fn lane_of<const I: usize, const N: usize>(
+    values: &[[f64; N]; I],
+    lane: usize,
+) -> [f64; I] {
+    let mut of_lane = [0.0; I];
+    for (value, lanes) in of_lane.iter_mut().zip(values) {
+        *value = lanes[lane];
+    }
+    of_lane
+}
+
+/// The first elements of all inputs: slices of one length need one check of bounds for all.
+#[inline(always)]
+pub(super) fn of_length<'a, const I: usize>(
+    inputs: &[&'a [f64]; I],
+    length: usize,
+) -> [&'a [f64]; I] {
+    let mut all = [&[][..]; I];
+    for (slice, input) in all.iter_mut().zip(inputs) {
+        *slice = &input[..length];
+    }
+    all
 }

@@ -9,10 +9,9 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::blocks::BlockHead;
 use super::broken::Bits;
 use super::growing::GrowingBonds;
-use super::{BrokenBonds, Chunk, CloudRows, Family, Rows, Span, StencilBonds, Store};
+use super::{BrokenBonds, Chunk, CloudRows, Family, Rows, StencilBonds, Store};
 #[cfg(target_arch = "x86_64")]
 use crate::instructions::InstructionSet;
 
@@ -93,7 +92,11 @@ pub trait BondKernel<const I: usize, const O: usize>: Sync {
     #[inline(always)]
     fn ends(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [[f64; O]; 2] {
         let part = self.bond(bond, own, other);
-        [part, std::array::from_fn(|o| -part[o])]
+        let mut opposite = part;
+        for part in &mut opposite {
+            *part = -*part;
+        }
+        [part, opposite]
     }
 
     /// Adds what [`BondKernel::ends`] gives to the sums of both ends. Called only where the machine has fused
@@ -154,6 +157,14 @@ fn inputs_at<const I: usize>(inputs: &[&[f64]; I], slot: usize) -> [f64; I] {
     values
 }
 
+/// Adds a contribution to sums.
+#[inline(always)]
+fn add<const O: usize>(sums: &mut [f64; O], part: [f64; O]) {
+    for (sum, part) in sums.iter_mut().zip(part) {
+        *sum += part;
+    }
+}
+
 /// Calls `sweep` with each of `parts` on all threads. The call is dynamic, so that the distribution is compiled once and
 /// not for every kernel; it costs nothing compared with a part.
 fn for_each<T: Sync>(parts: &[T], sweep: &(dyn Fn(&T) + Sync)) {
@@ -178,8 +189,7 @@ impl Family {
     /// [`Family::sum`] over the bonds that are not broken.
     ///
     /// # Panics
-    /// See [`Family::sum`]; also when `broken` belongs to another family, and where `kernel` has paired sums over the family of
-    /// a part.
+    /// See [`Family::sum`]; also when `broken` belongs to another family.
     pub fn sum_unbroken<const I: usize, const O: usize, K: BondKernel<I, O>>(
         &self,
         kernel: &K,
@@ -227,11 +237,6 @@ impl Family {
             && let Store::Lattice(_, pairs) = &self.store
             && let Some(pairs) = pairs.get_or_init(|| Pairs::new(self).map(Box::new))
         {
-            let is_part = !self.slots.remote.is_empty();
-            assert!(
-                broken.is_none() || !is_part,
-                "broken bonds of remote points are unknown"
-            );
             return self.sum_pairs(kernel, pairs, inputs, &output);
         }
         let common = match const { K::RARE } {
@@ -241,10 +246,11 @@ impl Family {
         for_each(&self.chunks, &|chunk| {
             self.sweep(kernel, inputs, &output, chunk, common);
         });
-        let unborn = self.store.growth().map_or(&[][..], GrowingBonds::unborn);
-        for point in unborn.iter().flat_map(Span::points) {
-            // SAFETY: it is a point of the family, and the threads of the sweep have ended.
-            unsafe { output.set(point, [0.0; O]) }
+        for unborn in self.store.growth().map_or(&[][..], GrowingBonds::unborn) {
+            for point in unborn.points() {
+                // SAFETY: it is a point of the family, and the threads of the sweep have ended.
+                unsafe { output.set(point, [0.0; O]) }
+            }
         }
     }
 
@@ -294,9 +300,8 @@ impl Family {
             let bits = broken.map_or(Bits::NONE, |b| b.bits(point));
             self.for_each_bond(point, |number, bond, other| {
                 if above(other) && !bits.is_broken(number) {
-                    let ends = [slot, other].map(|s| inputs.each_ref().map(|i| i[s]));
-                    let part = kernel.bond(bond, ends[0], ends[1]);
-                    (0..O).for_each(|o| sums[o] += part[o]);
+                    let (own, other) = (inputs_at(&inputs, slot), inputs_at(&inputs, other));
+                    add(&mut sums, kernel.bond(bond, own, other));
                 }
             });
             receive(point, sums);
@@ -320,17 +325,21 @@ impl Family {
         inputs: &[&[f64]; I],
     ) -> Option<[f64; O]> {
         let first = self.store.stencil_bonds()?.runs.first()?;
-        let own = inputs_at(inputs, first.slot as usize);
-        let points = self.slots.points.spans().par_iter();
+        self.are_uniform(inputs, first.slot as usize)
+            .then(|| self.sum_bonds(kernel, inputs, first.point as usize, Bits::NONE))
+    }
+
+    /// Whether each input is at all points and ghosts what it is in slot `first`. Compiled once and not for every kernel.
+    fn are_uniform(&self, inputs: &[&[f64]], first: usize) -> bool {
         let is_own = |slots: Range<usize>| {
-            let mut both = inputs.iter().zip(own);
-            both.all(|(input, own)| input[slots.clone()].iter().all(|value| *value == own))
+            let mut inputs = inputs.iter();
+            inputs.all(|input| input[slots.clone()].iter().all(|v| *v == input[first]))
         };
         let one = |slot: u32| is_own(slot as usize..slot as usize + 1);
-        let is_uniform = points.all(|s| is_own(s.slot as usize..(s.slot + s.len) as usize))
+        let points = self.slots.points.spans().par_iter();
+        points.all(|s| is_own(s.slot as usize..(s.slot + s.len) as usize))
             && self.slots.ghosts.par_iter().all(|ghost| one(ghost.slot))
-            && self.slots.remote.par_iter().all(|&(slot, _)| one(slot));
-        is_uniform.then(|| self.sum_bonds(kernel, inputs, first.point as usize, Bits::NONE))
+            && self.slots.remote.par_iter().all(|&(slot, _)| one(slot))
     }
 
     /// `common` are the sums of complete families, where these are all the same.
@@ -358,18 +367,26 @@ impl Family {
                 }
             }
             Store::Lattice(bonds, _) | Store::Growing(bonds, _) => {
-                let heads = bonds.blocks.head[chunk.blocks.clone()].iter();
-                heads.flat_map(BlockHead::points).for_each(alone);
-                let runs = bonds.runs[chunk.runs.clone()].iter();
-                for point in runs.flat_map(Span::points) {
-                    match common {
-                        Some(sums) if inputs.is_whole(point..point + 1) => set(point, sums),
-                        _ => alone(point),
+                for head in &bonds.blocks.head[chunk.blocks.clone()] {
+                    for point in head.points() {
+                        alone(point);
+                    }
+                }
+                for run in &bonds.runs[chunk.runs.clone()] {
+                    for point in run.points() {
+                        match common {
+                            Some(sums) if inputs.is_whole(point..point + 1) => set(point, sums),
+                            _ => alone(point),
+                        }
                     }
                 }
             }
             // each point has a row
-            Store::List(..) => chunk.rows.clone().for_each(alone),
+            Store::List(..) => {
+                for row in chunk.rows.clone() {
+                    alone(row);
+                }
+            }
         }
     }
 
@@ -386,8 +403,7 @@ impl Family {
         let mut sums = [0.0; O];
         self.for_each_bond(point, |number, bond, other| {
             if !broken.is_broken(number) {
-                let part = kernel.bond(bond, own, inputs_at(inputs, other));
-                (0..O).for_each(|o| sums[o] += part[o]);
+                add(&mut sums, kernel.bond(bond, own, inputs_at(inputs, other)));
             }
         });
         sums
@@ -468,8 +484,7 @@ impl Family {
         let mut sums = [0.0; O];
         stencil.for_each_bond(rows, row, |number, bond, other| {
             if !broken.is_broken(number) {
-                let part = kernel.bond(bond, own, inputs_at(inputs, other));
-                (0..O).for_each(|o| sums[o] += part[o]);
+                add(&mut sums, kernel.bond(bond, own, inputs_at(inputs, other)));
             }
         });
         sums

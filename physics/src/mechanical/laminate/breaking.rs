@@ -150,7 +150,8 @@ impl Laminate {
             false => UNBREAKABLE,
         }));
         let open = found[before..].iter();
-        open.for_each(|open| loads[open.point] = open.ratio);
+        // above one, where few pairs are left and the energy hardly depends on the load: bonds without an excess are not examined
+        open.for_each(|open| loads[open.point] = open.ratio.next_up());
         let mut slots = std::mem::take(&mut self.work.load_slots);
         slots.load(&self.plane, &loads[..], Mirrored::Scalar);
         let breakable = failure.breakable(sliding, &self.plane);
@@ -246,5 +247,5 @@ fn find_loaded<const I: usize>(
         let [own, other] = [family.slot_of(point), slot].map(|slot| inputs.map(|i| i[slot]));
         load.ratio(bond, &own, &other)
     };
-    breakable.find_exceeding(points, ratio, found);
+    breakable.find_exceeding(points, None, ratio, found);
 }

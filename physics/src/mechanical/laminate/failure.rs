@@ -3,15 +3,15 @@
 //! Each layer has two sets of bonds: those of the matrix, to which the dilatation belongs, and those of the fibres. Each interface has two: bonds
 //! across, and pairs of crossing bonds. Every set has limits and broken bonds of its own.
 
-use perimelt_core::Family;
 use perimelt_core::body::Layers;
 use perimelt_core::family::BrokenBonds;
+use perimelt_core::{Bond, Family};
 
 use super::LayerSolid;
 use super::interface::Interface;
 use super::limits::SetLimits;
 use super::strength::PlyStrength;
-use crate::mechanical::exceeding::{Breakable, Exceeding, broken_pairs};
+use crate::mechanical::exceeding::{Breakable, Exceeding, broken_pairs, lost_fraction};
 use crate::mechanical::fracture::FractureState;
 use crate::mechanical::solid::FailureMode;
 use crate::plies::{CompleteFamily, is_along, plane_direction};
@@ -170,7 +170,11 @@ impl Failure {
     /// Evaluates the damage of a point of the body from its broken bonds, always in the same order.
     fn load_damage(&mut self, plane: &Family, point: usize) {
         let (layer, number) = (point / self.points, point % self.points);
-        let lost = |set: BondSet, along| lost_fraction(plane, self.broken(set), number, along);
+        let lost = |set: BondSet, along: Option<[f64; 2]>| {
+            let counts =
+                |bond: &Bond| along.is_none_or(|along| is_along(along, plane_direction(bond)));
+            lost_fraction(plane, self.broken(set), number, counts)
+        };
         let beside = [
             layer.checked_sub(1),
             (layer < self.interfaces()).then_some(layer),
@@ -276,13 +280,13 @@ impl Failure {
                     pairs.push(pair);
                 }
                 BondSet::Sliding(interface) => {
-                    bond.break_bond(plane, broken, |point, _, _| {
+                    bond.break_bond(plane, broken, |point, _| {
                         let layers = [interface, interface + 1];
                         touched.extend(layers.map(|l| (l * self.points + point) as u32));
                     });
                 }
                 BondSet::Matrix(layer) | BondSet::Fibres(layer) => {
-                    let pair = bond.break_bond(plane, broken, |point, _, _| {
+                    let pair = bond.break_bond(plane, broken, |point, _| {
                         touched.push((layer * self.points + point) as u32);
                     });
                     let ends = [bond.point, bond.slot];
@@ -301,26 +305,4 @@ impl Failure {
         }
         pairs
     }
-}
-
-/// Fraction of the weight of its bonds, or of those along a direction, that a point lost.
-fn lost_fraction(
-    plane: &Family,
-    broken: &BrokenBonds,
-    point: usize,
-    along: Option<[f64; 2]>,
-) -> f64 {
-    if broken.of(point) == 0 {
-        return 0.0;
-    }
-    let (mut lost, mut total) = (0.0, 0.0);
-    plane.for_each_bond(point, |number, bond, _| {
-        if along.is_none_or(|along| is_along(along, plane_direction(bond))) {
-            total += bond.weight;
-            if broken.is_broken(point, number) {
-                lost += bond.weight;
-            }
-        }
-    });
-    lost / total
 }

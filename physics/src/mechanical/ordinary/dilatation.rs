@@ -2,6 +2,7 @@
 
 use nalgebra::Matrix3;
 use perimelt_core::family::{ByImage, Continuation, Image};
+use perimelt_core::world::RemotePoints;
 use perimelt_core::{Body, BrokenBonds, Correction, Family};
 use rayon::prelude::*;
 
@@ -32,6 +33,8 @@ pub(super) struct Dilatation {
     /// `sum_j w n (x) n` of each point; empty until it is needed.
     directions: Vec<[f64; 6]>,
     pressure: Vec<f64>,
+    /// Whether the points of other processes have what follows from their bonds alone.
+    knows_remote: bool,
 }
 
 /// The law by which the pressure of a point follows its dilatation.
@@ -85,7 +88,9 @@ fn normaliser(family: &Family, body: &Body, totals: &[[f64; 1]]) -> Vec<f64> {
         let horizons = body.points.horizons(spec.horizon);
         return horizons.into_iter().map(of_point).collect();
     }
-    totals.iter().map(|[total]| d / total).collect()
+    // remote points have no sums
+    let of_total = |total: f64| if total > 0.0 { d / total } else { 0.0 };
+    totals.iter().map(|[total]| of_total(*total)).collect()
 }
 
 impl Dilatation {
@@ -104,17 +109,28 @@ impl Dilatation {
             parts: vec![[0.0; 4]; parts],
             directions: Vec::new(),
             pressure: vec![0.0; points],
+            knows_remote: false,
         }
     }
 
-    /// Sums the stretches of the displacement that was loaded, of a kind of strain.
+    /// Brings the points of other processes what follows from their bonds alone, once.
+    pub(super) fn bring_normalisers(&mut self, remote: &RemotePoints) {
+        if !std::mem::replace(&mut self.knows_remote, true) {
+            remote.bring(&mut self.normaliser, 1);
+            remote.bring(&mut self.of_unit_strain, 1);
+        }
+    }
+
+    /// Sums the stretches of the displacement that was loaded, of a kind of strain; with `remote` at the points of other processes, too.
     pub(super) fn sum(
         &mut self,
         strain: StrainKind,
         finite: bool,
         inputs: &Inputs,
         broken: Option<&BrokenBonds>,
+        remote: &RemotePoints,
     ) {
+        self.bring_normalisers(remote);
         let Self { sums, parts, .. } = self;
         let is_elastic = strain == StrainKind::Elastic;
         let has_tensor = is_elastic && inputs.has_tensor();
@@ -125,6 +141,7 @@ impl Dilatation {
                 (false, true) => inputs.sum::<INPUTS, 1>(&ElasticDilation::<FINITE>, broken, sums),
                 (false, false) => inputs.sum::<3, 1>(&Dilation::<FINITE>, broken, sums),
             });
+            remote.bring(sums.as_flattened_mut(), 1);
             return;
         }
         specialise!(FINITE = finite => match (has_tensor, has_eigenstrain) {
@@ -132,6 +149,7 @@ impl Dilatation {
             (false, true) => inputs.sum::<INPUTS, 4>(&ElasticExpansion::<FINITE>, broken, parts),
             (false, false) => inputs.sum::<3, 4>(&Expansion::<FINITE>, broken, parts),
         });
+        remote.bring(parts.as_flattened_mut(), 4);
         let sums = sums.par_iter_mut().zip(parts).with_min_len(4096);
         sums.for_each(|(sum, [x, y, z, eigenstrain])| *sum = [*x + *y + *z - *eigenstrain]);
     }

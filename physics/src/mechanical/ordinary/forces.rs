@@ -35,7 +35,8 @@ impl<L: BondForce> Ordinary<L> {
             return;
         };
         let broken = self.base.fracture.as_ref().map(Fracture::broken);
-        dilatation.sum(strain, finite, &self.inputs, broken);
+        let remote = &self.base.remote;
+        dilatation.sum(strain, finite, &self.inputs, broken, remote);
         if self.base.continuation.is_bent() {
             dilatation.sum_directions(&self.inputs, broken);
         }

@@ -249,13 +249,14 @@ impl<L: BondForce> Ordinary<L> {
             elastic,
             fracture,
             tensors,
+            remote,
             ..
         } = &mut self.base;
         let broken = fracture.as_ref().map(Fracture::broken);
         let (finite, law, inputs) = (elastic.finite, self.law, &self.inputs);
         inputs.sum::<INPUTS, 6>(&ConjugateStress { law, finite }, broken, tensors);
         if let Some(dilatation) = &mut self.dilatation {
-            dilatation.sum(StrainKind::Total, finite, inputs, broken);
+            dilatation.sum(StrainKind::Total, finite, inputs, broken, remote);
             dilatation.sum_directions(inputs, broken);
             for (i, tensor) in tensors.iter_mut().enumerate() {
                 let of_pressure = dilatation.conjugate_stress_tensor(elastic, i);
@@ -279,6 +280,7 @@ impl<L: BondForce> Ordinary<L> {
             elastic,
             fracture,
             energy,
+            remote,
             ..
         } = &mut self.base;
         let broken = fracture.as_ref().map(Fracture::broken);
@@ -286,7 +288,7 @@ impl<L: BondForce> Ordinary<L> {
         specialise!(FINITE = finite =>
             inputs.sum::<INPUTS, 2>(&Energy::<FINITE, L>(law), broken, energy));
         if let Some(dilatation) = &mut self.dilatation {
-            dilatation.sum(StrainKind::Total, finite, inputs, broken);
+            dilatation.sum(StrainKind::Total, finite, inputs, broken, remote);
             for (i, [density, conjugate]) in energy.iter_mut().enumerate() {
                 *density += dilatation.energy(elastic, None, i);
                 *conjugate += dilatation.conjugate_stress(elastic, i, dilatation.sums[i][0]);
@@ -305,6 +307,7 @@ impl<L: BondForce> Ordinary<L> {
             plasticity,
             fracture,
             energy,
+            remote,
             ..
         } = &mut self.base;
         let broken = fracture.as_ref().map(Fracture::broken);
@@ -316,7 +319,7 @@ impl<L: BondForce> Ordinary<L> {
                 inputs.sum::<INPUTS, 2>(&ElasticEnergy::<FINITE, L>(law), broken, energy)),
         }
         if let Some(dilatation) = &mut self.dilatation {
-            dilatation.sum(StrainKind::Elastic, finite, inputs, broken);
+            dilatation.sum(StrainKind::Elastic, finite, inputs, broken, remote);
             for (i, [density, _]) in energy.iter_mut().enumerate() {
                 *density += dilatation.energy(elastic, plasticity.as_ref(), i);
             }
@@ -439,6 +442,10 @@ impl<L: BondForce> Solid for Ordinary<L> {
         let base = &self.base;
         let mut sums = vec![[0.0]; points];
         (self.inputs).sum::<INPUTS, 1>(&WeightOverLength, base.broken(), &mut sums);
+        if let Some(dilatation) = &mut self.dilatation {
+            dilatation.bring_normalisers(&base.remote);
+            base.remote.bring(sums.as_flattened_mut(), 1);
+        }
         let stiffness = |i: usize| {
             let moduli = base.elastic.moduli(i);
             let a = moduli.dilatation_stiffness(base.dimension).max(0.0);

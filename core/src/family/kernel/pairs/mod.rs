@@ -48,6 +48,8 @@ struct BoxBlocks {
 #[derive(Debug)]
 struct HalfStencil {
     stencil: Vec<StencilBond>,
+    /// Number of each bond in the whole stencil.
+    numbers: Vec<usize>,
     blocks: Blocks,
 }
 
@@ -150,6 +152,18 @@ fn ahead_of_remote<'a>(
     ahead.map(move |(number, _)| (number, bonds.weights_of_remote(point, number)))
 }
 
+/// By slot, whether it belongs to a point, owned or remote.
+fn slots_of_points(family: &Family) -> Vec<bool> {
+    let mut holds_point = vec![false; family.slots.len];
+    for span in family.slots.points.spans() {
+        holds_point[span.slot as usize..][..span.len as usize].fill(true);
+    }
+    for &(slot, _) in &family.slots.remote {
+        holds_point[slot as usize] = true;
+    }
+    holds_point
+}
+
 /// Numbers of the bonds ahead, ordered by x, so that consecutive bonds lead to different rows. A load of sums that the
 /// bond before it stored in part stalls for longer than a bond takes.
 fn order_of(ahead: &[StencilBond]) -> Vec<usize> {
@@ -173,20 +187,14 @@ impl Pairs {
         let half = stencil.len() / 2;
         let (behind, ahead) = stencil.split_at(half);
         let order = order_of(ahead);
+        let holds_point = slots_of_points(family);
         let mut rank = vec![0; half];
         for (place, &number) in order.iter().enumerate() {
             rank[number] = place;
         }
-        let mut holds_point = vec![false; family.slots.len];
-        for span in family.slots.points.spans() {
-            holds_point[span.slot as usize..][..span.len as usize].fill(true);
-        }
         let mut blocks_ahead = BlockBuilder::of_slots(half);
         let mut blocks_behind = BlockBuilder::of_slots(half);
         let mut boxes: [Vec<BoxBlocks>; 4] = Default::default();
-        for &(slot, _) in &family.slots.remote {
-            holds_point[slot as usize] = true;
-        }
         let farthest = ahead[half - 1].offset as usize;
         let rows = RowBoxes::new(cells, grid.in_whole(), farthest);
         for of_box in boxed_points(family, &rows).chunk_by(|a, b| a.place == b.place) {
@@ -225,6 +233,7 @@ impl Pairs {
         let stencil: Vec<StencilBond> = order.iter().map(|&number| ahead[number]).collect();
         let ahead = HalfStencil {
             stencil,
+            numbers: order.iter().map(|number| number + half).collect(),
             blocks: blocks_ahead.finish(),
         };
         let weights = ahead.stencil.iter().map(|b| [b.bond.weight, b.bond.dual]);
@@ -233,6 +242,7 @@ impl Pairs {
             ahead,
             behind: HalfStencil {
                 stencil: behind.to_vec(),
+                numbers: (0..half).collect(),
                 blocks: blocks_behind.finish(),
             },
             boxes,

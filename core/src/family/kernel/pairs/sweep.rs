@@ -1,19 +1,25 @@
 //! The sweep over [`Pairs`], box by box.
 
-use std::ops::Range;
+use std::cell::Cell;
 use std::sync::PoisonError;
 
 use super::{BoxBlocks, HalfStencil, Pairs};
-use crate::family::blocks::{BLOCK, BlockHead, MIXED};
-use crate::family::kernel::lattice::{LaneBonds, lanes, sum_lanes};
+use crate::family::blocks::{BLOCK, BlockHead, MIXED, Weights};
+use crate::family::broken::Bits;
+use crate::family::kernel::lattice::{LaneBonds, lane_of, lanes, of_length, sum_lanes};
 use crate::family::kernel::sums::{Output, Planes};
-use crate::family::kernel::{BondKernel, SweepInputs, for_each, inputs_at};
-use crate::family::{Family, StencilBond};
+use crate::family::kernel::{BondKernel, SweepInputs, for_each};
+use crate::family::{BrokenBonds, Family, StencilBond};
 #[cfg(target_arch = "x86_64")]
 use crate::instructions::{self, InstructionSet};
 
 /// Blocks whose sums a thread copies to the output at a time.
 const CHUNK: usize = 64;
+
+thread_local! {
+    /// Memory of [`PairSweep::unbroken_weights`].
+    static UNBROKEN: Cell<Vec<Weights>> = const { Cell::new(Vec::new()) };
+}
 
 /// A sweep over the pairs of a family.
 struct PairSweep<'a, const I: usize, const O: usize> {
@@ -66,19 +72,15 @@ impl Family {
                         [*sum] = unsafe { sweep.planes.take(o, slot + lane) };
                     }
                 }
-                let set = |lane: usize, point: usize| {
-                    let sum = std::array::from_fn(|o| sums[o][lane]);
-                    // SAFETY: `output` has sums for each point of the family, and one thread sets them.
-                    unsafe { output.set(point, sum) }
-                };
-                if head.point == MIXED {
-                    let owned = |lane: usize| Some((lane, self.point_in(slot + lane)?));
-                    let owned = (0..len).filter_map(owned);
-                    owned.for_each(|(lane, point)| set(lane, point));
-                    continue;
-                }
-                for (lane, point) in (point..(point + len).min(self.points)).enumerate() {
-                    set(lane, point);
+                for lane in 0..len {
+                    let owned = match head.point == MIXED {
+                        true => self.point_in(slot + lane),
+                        false => Some(point + lane).filter(|&point| point < self.points),
+                    };
+                    if let Some(point) = owned {
+                        // SAFETY: `output` has sums for each point of the family, and one thread sets them.
+                        unsafe { output.set(point, lane_of(&sums, lane)) }
+                    }
                 }
             }
         });
@@ -111,29 +113,58 @@ impl<const I: usize, const O: usize> PairSweep<'_, I, O> {
         unsafe { self.planes.add(plane, slot, parts) }
     }
 
-    /// Adds the contributions of the bonds of a point near a crack, bond by bond: those of bonds ahead to both of their
-    /// ends, or those of bonds with layer points behind.
+    /// Whether a point of a block has broken bonds.
+    fn loses_bonds(&self, head: BlockHead) -> bool {
+        let Some(broken) = self.inputs.broken else {
+            return false;
+        };
+        match head.point {
+            MIXED => (head.slots()).any(|slot| self.bits(broken, slot).any()),
+            _ => !broken.is_whole(head.points()),
+        }
+    }
+
+    /// The weights of a block near a crack, without those of broken bonds. A block is swept in the same order whether bonds
+    /// of it are broken or not, so that a part of a body needs to know the broken bonds of its own points only.
     #[inline(never)]
-    fn add_unbroken<K: BondKernel<I, O>>(&self, kernel: &K, point: usize, is_ahead: bool) {
-        let PairSweep { family, pairs, .. } = self;
-        let (inputs, broken) = (self.inputs.values, self.inputs.bits(point));
-        let half = pairs.ahead.stencil.len();
-        let slot = family.slot_of(point);
-        let own = inputs_at(inputs, slot);
-        family.for_each_bond(point, |number, bond, at| {
-            if (number >= half) != is_ahead || broken.is_broken(number) {
-                return;
+    fn unbroken_weights<'w>(
+        &self,
+        half: &HalfStencil,
+        block: usize,
+        unbroken: &'w mut Vec<Weights>,
+    ) -> &'w [Weights] {
+        unbroken.clear();
+        unbroken.extend_from_slice(half.blocks.weights(block));
+        let Some(broken) = self.inputs.broken else {
+            return unbroken;
+        };
+        for (lane, slot) in half.blocks.head[block].slots().enumerate() {
+            let bits = self.bits(broken, slot);
+            if !bits.any() {
+                continue;
             }
-            let other = inputs_at(inputs, at);
-            if is_ahead {
-                let [here, there] = kernel.ends(bond, own, other);
-                (0..O).for_each(|o| self.add(o, slot, [here[o]]));
-                (0..K::PAIRED).for_each(|o| self.add(o, at, [there[o]]));
-            } else if !pairs.holds_point[at] {
-                let part = kernel.bond(bond, own, other);
-                (0..O).for_each(|o| self.add(o, slot, [part[o]]));
+            for (weights, &number) in unbroken.iter_mut().zip(&half.numbers) {
+                if bits.is_broken(number) {
+                    weights.iter_mut().for_each(|lanes| lanes[lane] = 0.0);
+                }
             }
-        });
+        }
+        unbroken
+    }
+
+    /// The broken bonds of the point in a slot.
+    fn bits<'b>(&self, broken: &'b BrokenBonds, slot: usize) -> Bits<'b> {
+        let point = self.family.point_in(slot);
+        let point = point.or_else(|| self.family.remote_in(slot));
+        point.map_or(Bits::NONE, |point| broken.bits(point))
+    }
+
+    /// Adds to the sums of a slot, from the first.
+    #[inline(always)]
+    fn add_parts(&self, slot: usize, parts: &[f64]) {
+        for (o, &part) in parts.iter().enumerate() {
+            self.add(o, slot, [part]);
+        }
     }
 }
 
@@ -164,38 +195,42 @@ fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
     of_box: &BoxBlocks,
 ) {
     let PairSweep { family, pairs, .. } = sweep;
-    // slices of one length need one check of bounds for all
-    let inputs = &sweep.inputs.values.map(|input| &input[..family.slots.len]);
-    let add_points = |points: Range<usize>, is_ahead: bool| {
-        points.for_each(|point| sweep.add_unbroken(kernel, point, is_ahead));
-    };
-    let HalfStencil { stencil, blocks } = &pairs.ahead;
+    let inputs = &of_length(sweep.inputs.values, family.slots.len);
+    let mut unbroken = UNBROKEN.take();
+    let HalfStencil {
+        stencil, blocks, ..
+    } = &pairs.ahead;
     for block in of_box.ahead.clone() {
         let head = blocks.head[block];
-        if !sweep.inputs.is_whole(head.points()) {
-            add_points(head.points(), true);
-        } else if Some(head.pattern) == pairs.complete {
+        let weights = match sweep.loses_bonds(head) {
+            true => Some(sweep.unbroken_weights(&pairs.ahead, block, &mut unbroken)),
+            false if Some(head.pattern) == pairs.complete => None,
+            false => Some(blocks.weights(block)),
+        };
+        if weights.is_none() {
             let weights = None;
             add_block(kernel, sweep, inputs, LaneBonds { stencil, weights }, head);
         } else {
-            let weights = Some(blocks.weights(block));
             add_block(kernel, sweep, inputs, LaneBonds { stencil, weights }, head);
         }
     }
-    let HalfStencil { stencil, blocks } = &pairs.behind;
+    let HalfStencil {
+        stencil, blocks, ..
+    } = &pairs.behind;
     for block in of_box.behind.clone() {
         let head = blocks.head[block];
-        if !sweep.inputs.is_whole(head.points()) {
-            add_points(head.points(), false);
-            continue;
-        }
-        let weights = Some(blocks.weights(block));
+        let weights = match sweep.loses_bonds(head) {
+            true => sweep.unbroken_weights(&pairs.behind, block, &mut unbroken),
+            false => blocks.weights(block),
+        };
+        let weights = Some(weights);
         let bonds = LaneBonds::<BLOCK> { stencil, weights };
         let sums = sum_lanes(kernel, bonds, inputs, head.slot as usize);
         for (lane, sums) in sums.iter().enumerate().take(head.len as usize) {
-            (0..O).for_each(|o| sweep.add(o, head.slot as usize + lane, [sums[o]]));
+            sweep.add_parts(head.slot as usize + lane, sums);
         }
     }
+    UNBROKEN.set(unbroken);
 }
 
 /// Adds the contributions of the bonds ahead of a block to both of their ends. Bonds without weight, and lanes that are no
@@ -221,13 +256,11 @@ fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
         }
         for lane in 0..BLOCK {
             let bond = bonds.of_lane(number, bond, lane);
-            let mut here: [f64; O] =
-                std::array::from_fn(|o| if o < K::PAIRED { sums[o][lane] } else { 0.0 });
-            let mut there: [f64; O] = std::array::from_fn(|o| others[o][lane]);
-            let own = std::array::from_fn(|i| own[i][lane]);
-            let other = std::array::from_fn(|i| other[i][lane]);
+            let mut here = lane_of(&sums, lane);
+            here[K::PAIRED..].fill(0.0);
+            let mut there = lane_of(&others, lane);
             let both = [&mut here, &mut there];
-            kernel.add_ends(&bond, own, other, both);
+            kernel.add_ends(&bond, lane_of(&own, lane), lane_of(&other, lane), both);
             let counts = bonds.counts(&bond);
             for o in 0..K::PAIRED {
                 sums[o][lane] = if counts { here[o] } else { sums[o][lane] };

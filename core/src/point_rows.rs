@@ -1,0 +1,74 @@
+//! Rows of numbers of some points of a body, such as those with broken bonds.
+
+use serde::{Deserialize, Serialize};
+
+/// Rows of equal length of some points, ascending.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PointRows {
+    points: Vec<u32>,
+    /// Any 64 bits, such as those of an `f64`.
+    values: Vec<u64>,
+}
+
+impl PointRows {
+    /// Adds the row of a point that follows those before.
+    pub fn push(&mut self, point: usize, row: &[u64]) {
+        self.points.push(point as u32);
+        self.values.extend_from_slice(row);
+    }
+
+    /// Points and their rows of a length that is not zero.
+    pub fn iter(&self, length: usize) -> impl Iterator<Item = (usize, &[u64])> {
+        let points = self.points.iter().map(|point| *point as usize);
+        points.zip(self.values.chunks_exact(length.max(1)))
+    }
+
+    /// Whether there is a row of a length for each point, and each point is one of a number of them, ascending.
+    #[must_use]
+    pub fn is_valid(&self, points: usize, length: usize) -> bool {
+        self.values.len() == self.points.len() * length
+            && self.points.is_sorted_by(|a, b| a < b)
+            && self
+                .points
+                .last()
+                .is_none_or(|last| (*last as usize) < points)
+    }
+
+    /// Length of a row.
+    fn row_length(&self) -> usize {
+        self.values
+            .len()
+            .checked_div(self.points.len())
+            .unwrap_or(0)
+    }
+
+    /// The rows of points that get a new number, in the order of these.
+    pub(crate) fn renumbered(&self, number: impl Fn(u32) -> Option<u32>) -> PointRows {
+        let rows = self.iter(self.row_length());
+        let mut rows: Vec<(u32, &[u64])> = rows
+            .filter_map(|(point, row)| Some((number(point as u32)?, row)))
+            .collect();
+        rows.sort_unstable_by_key(|(point, _)| *point);
+        let mut renumbered = PointRows::default();
+        rows.into_iter()
+            .for_each(|(point, row)| renumbered.push(point as usize, row));
+        renumbered
+    }
+
+    /// Points, then rows, as numbers of 64 bits behind the number of points.
+    pub(crate) fn to_words(&self) -> Vec<u64> {
+        let points = self.points.iter().map(|point| u64::from(*point));
+        let mut words = vec![self.points.len() as u64];
+        words.extend(points);
+        words.extend(&self.values);
+        words
+    }
+
+    /// What [`PointRows::to_words`] gave, after the rows that are there.
+    pub(crate) fn append_words(&mut self, words: &[u64]) {
+        let [count, rest @ ..] = words else { return };
+        let (points, values) = rest.split_at(*count as usize);
+        self.points.extend(points.iter().map(|point| *point as u32));
+        self.values.extend_from_slice(values);
+    }
+}
