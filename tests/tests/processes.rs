@@ -90,7 +90,10 @@ fn run(text: &str, until: f64, start: Option<&[u8]>, processes: Processes) -> Op
             numbers.extend(parts.map(|part| (format!("{label} {}", b.quantity), part.to_bits())));
         }
     }
-    for (label, reports) in simulation.reports() {
+    // as in a run, where one process alone reports
+    let is_first = processes.rank() == 0;
+    let reports = is_first.then(|| simulation.reports());
+    for (label, reports) in reports.into_iter().flatten() {
         let bits = reports
             .iter()
             .map(|r| (format!("{label} {}", r.name), r.value.to_bits()));

@@ -289,10 +289,10 @@ impl RunningPhysics for RunningMechanical {
         let run = &self.run;
         let forces = self.sections.iter().zip(&run.section_forces);
         let forces = forces.flat_map(|(s, force)| s.report(*force));
-        let broken = run.solid.fracture_state().into_iter().flat_map(|state| {
+        let broken = run.solid.fracture_state().into_iter().flat_map(|_| {
             let modes = run.solid.failure_modes();
             let bonds = match modes.is_empty() {
-                true => world.reducer(run.body).total_of(state.count()),
+                true => run.broken_bonds,
                 false => modes.iter().map(|mode| mode.broken).sum(),
             };
             let all = Report::new("bonds.broken", "1", bonds);
@@ -372,6 +372,7 @@ impl RunningPhysics for RunningMechanical {
         }
         if let Some(damage) = &run.fields.damage {
             world.replace_broken_pairs(&damage.breaker, run.solid.broken_pairs());
+            run.count_broken_bonds(world);
         }
         Ok(())
     }

@@ -102,6 +102,7 @@ pub(super) fn run(
         eigenstrain_size: 0.0,
         scratch: Default::default(),
         section_forces: vec![[0.0; 3]; keys.sections.len()],
+        broken_bonds: 0.0,
         logged_energy: damping.is_some().then(Energy::default),
         extrapolation,
         validity: Validity::new(setup.body(body), !is_finite, is_plastic),

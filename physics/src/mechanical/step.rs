@@ -47,6 +47,8 @@ pub(super) struct MechanicalRun {
     pub(super) eigenstrain_size: f64,
     /// By section, N.
     pub(super) section_forces: Vec<[f64; 3]>,
+    /// Broken bonds of the whole body, where they have one mode of failure.
+    pub(super) broken_bonds: f64,
     /// Energy of the last logged state, with the explicit solver.
     pub(super) logged_energy: Option<Energy>,
     pub(super) balanced: Balanced,
@@ -407,7 +409,19 @@ impl MechanicalRun {
                 world.write(*field).copy_from_slice(mode.damage);
             }
         }
+        if modes.is_empty() {
+            self.count_broken_bonds(world);
+        }
         breaks.any
+    }
+
+    /// Counts the broken bonds of the whole body, for reports, which one process may make alone.
+    pub(super) fn count_broken_bonds(&mut self, world: &World) {
+        let here = self
+            .solid
+            .fracture_state()
+            .map_or(0.0, FractureState::count);
+        self.broken_bonds = world.reducer(self.body).total_of(here);
     }
 
     /// An upper bound of the highest frequency in any state of damage, at the stiffest moduli, rad/s.
