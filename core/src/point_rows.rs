@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 /// Rows of equal length of some points, ascending.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PointRows {
-    points: Vec<u32>,
+    pub(crate) points: Vec<u32>,
     /// Any 64 bits, such as those of an `f64`.
-    values: Vec<u64>,
+    pub(crate) values: Vec<u64>,
 }
 
 impl PointRows {
@@ -53,22 +53,5 @@ impl PointRows {
         rows.into_iter()
             .for_each(|(point, row)| renumbered.push(point as usize, row));
         renumbered
-    }
-
-    /// Points, then rows, as numbers of 64 bits behind the number of points.
-    pub(crate) fn to_words(&self) -> Vec<u64> {
-        let points = self.points.iter().map(|point| u64::from(*point));
-        let mut words = vec![self.points.len() as u64];
-        words.extend(points);
-        words.extend(&self.values);
-        words
-    }
-
-    /// What [`PointRows::to_words`] gave, after the rows that are there.
-    pub(crate) fn append_words(&mut self, words: &[u64]) {
-        let [count, rest @ ..] = words else { return };
-        let (points, values) = rest.split_at(*count as usize);
-        self.points.extend(points.iter().map(|point| *point as u32));
-        self.values.extend_from_slice(values);
     }
 }

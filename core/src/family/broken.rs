@@ -178,11 +178,13 @@ impl Family {
         stencil.filter_map(move |bond| self.point_in(slot.wrapping_add_signed(bond.offset)))
     }
 
-    /// The remote point in a slot.
-    pub fn remote_in(&self, slot: usize) -> Option<usize> {
-        let remote = &self.slots.remote;
-        let place = remote.binary_search_by_key(&slot, |(slot, _)| *slot as usize);
-        place.ok().map(|place| remote[place].1 as usize)
+    /// The point in a slot, owned or remote; `None` for layer points and empty slots.
+    pub fn any_point_in(&self, slot: usize) -> Option<usize> {
+        self.point_in(slot).or_else(|| {
+            let remote = &self.slots.remote;
+            let place = remote.binary_search_by_key(&slot, |(slot, _)| *slot as usize);
+            place.ok().map(|place| remote[place].1 as usize)
+        })
     }
 
     /// The slot of a remote point of a lattice, if bonds reach it.

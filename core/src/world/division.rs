@@ -13,7 +13,7 @@ use crate::error::SetupError;
 use crate::field::{FieldIndex, Write};
 use crate::point_rows::PointRows;
 use crate::solver::Reducer;
-use crate::transport::{Message, Processes};
+use crate::transport::{Message, Processes, Transport};
 
 /// The points of a body that this process has.
 #[derive(Debug)]
@@ -49,18 +49,10 @@ impl RemotePoints {
             return;
         };
         let mut exchange = lock(exchange);
-        let Exchange {
-            neighbours,
-            messages,
-        } = &mut *exchange;
-        for (neighbour, message) in neighbours.iter().zip(&mut *messages) {
-            clear(message);
-            neighbour.pack(values, components, message);
-        }
-        transport.exchange(messages);
-        for (neighbour, message) in neighbours.iter().zip(&*messages) {
-            neighbour.unpack(&mut &message.received[..], components, values);
-        }
+        exchange.send(transport, |to, message| {
+            to.pack(values, components, message);
+        });
+        exchange.receive(|from, rest| from.unpack(rest, components, values));
     }
 }
 
@@ -224,26 +216,19 @@ impl World {
                 continue;
             }
             let mut exchange = lock(&division.exchange);
-            let Exchange {
-                neighbours,
-                messages,
-            } = &mut *exchange;
-            for (neighbour, message) in neighbours.iter().zip(&mut *messages) {
-                clear(message);
+            exchange.send(transport, |to, message| {
                 for field in of_body() {
                     let data = field.data();
-                    neighbour.pack(data.flat(), data.components(), message);
+                    to.pack(data.flat(), data.components(), message);
                 }
-            }
-            transport.exchange(messages);
-            for (neighbour, message) in neighbours.iter().zip(&*messages) {
-                let mut rest = &message.received[..];
+            });
+            exchange.receive(|from, rest| {
                 for field in of_body() {
                     let mut data = field.data_mut();
                     let components = data.components();
-                    neighbour.unpack(&mut rest, components, data.flat_mut());
+                    from.unpack(rest, components, data.flat_mut());
                 }
-            }
+            });
         }
     }
 
@@ -262,17 +247,10 @@ impl World {
             return rows;
         };
         let own = rows.renumbered(|point| division.numbers.get(point as usize).copied());
-        let mut all = PointRows::default();
-        transport.gather(
-            bytemuck::must_cast_slice(&own.to_words()),
-            &mut |_, bytes| {
-                all.append_words(&to_values::<u64>(bytes));
-            },
-        );
-        let mut bytes = bytemuck::must_cast_slice(&all.to_words()).to_vec();
-        transport.broadcast(&mut bytes);
-        let mut all = PointRows::default();
-        all.append_words(&to_values::<u64>(&bytes));
+        let all = PointRows {
+            points: gather_to_all(transport, &own.points),
+            values: gather_to_all(transport, &own.values),
+        };
         all.renumbered(Some)
     }
 
@@ -314,10 +292,23 @@ impl World {
     }
 }
 
-/// Begins a message.
-fn clear(message: &mut Message) {
-    message.sent.clear();
-    message.received.clear();
+impl Exchange {
+    /// Sends each neighbour what `pack` adds to its message.
+    fn send(&mut self, transport: &dyn Transport, pack: impl Fn(&Neighbour, &mut Message)) {
+        for (neighbour, message) in self.neighbours.iter().zip(&mut self.messages) {
+            message.sent.clear();
+            message.received.clear();
+            pack(neighbour, message);
+        }
+        transport.exchange(&mut self.messages);
+    }
+
+    /// Passes what came from each neighbour to `unpack`, in the order in which it was packed.
+    fn receive(&self, mut unpack: impl FnMut(&Neighbour, &mut &[f64])) {
+        for (neighbour, message) in self.neighbours.iter().zip(&self.messages) {
+            unpack(neighbour, &mut &message.received[..]);
+        }
+    }
 }
 
 impl Neighbour {
@@ -340,6 +331,16 @@ impl Neighbour {
             *rest = behind;
         }
     }
+}
+
+/// The numbers of all processes, one after the other, in each of them.
+fn gather_to_all<T: bytemuck::Pod>(transport: &dyn Transport, own: &[T]) -> Vec<T> {
+    let mut all = Vec::new();
+    transport.gather(bytemuck::must_cast_slice(own), &mut |_, bytes| {
+        all.extend_from_slice(bytes);
+    });
+    transport.broadcast(&mut all);
+    to_values(&all)
 }
 
 /// Numbers that were sent as bytes.
@@ -374,12 +375,7 @@ impl Division {
             asked.extend([rank, process, points.len() as u32]);
             asked.extend(points.iter().map(|p| self.numbers[*p as usize]));
         }
-        let mut all = Vec::new();
-        transport.gather(bytemuck::must_cast_slice(&asked), &mut |_, bytes| {
-            all.extend_from_slice(bytes);
-        });
-        transport.broadcast(&mut all);
-        let all: Vec<u32> = to_values(&all);
+        let all: Vec<u32> = gather_to_all(transport, &asked);
         let mut sent = vec![Vec::new(); transport.size()];
         let mut rest = &all[..];
         while let [by, of, count, points @ ..] = rest {

@@ -26,12 +26,11 @@ pub(super) struct Breakable<'a> {
 }
 
 impl Breakable<'_> {
-    /// Adds the unbroken bonds of `points` beyond their limit, all or those with the point in a slot, to `found`; `ratio` is the load over the limit of a
-    /// bond of a point, by its number there, with a slot.
+    /// Adds the unbroken bonds of `points` beyond their limit to `found`; `ratio` is the load over the limit of a bond of a point, by its
+    /// number there, with a slot.
     pub(super) fn find_exceeding(
         self,
         points: impl Iterator<Item = usize>,
-        with: Option<usize>,
         ratio: impl Fn(usize, usize, &Bond, usize) -> f64,
         found: &mut Vec<Exceeding>,
     ) {
@@ -42,7 +41,7 @@ impl Breakable<'_> {
         } = self;
         for point in points {
             family.for_each_bond(point, |number, bond, slot| {
-                if with.is_none_or(|with| with == slot) && !broken.is_broken(point, number) {
+                if !broken.is_broken(point, number) {
                     let ratio = ratio(point, number, bond, slot);
                     if ratio >= 1.0 {
                         found.push(Exceeding {
@@ -76,18 +75,13 @@ impl Exceeding {
         let Exceeding { point, slot, .. } = *self;
         let mut is_new = break_direction(family, broken, [point, slot], &mut on_break);
         let own = family.slot_of(point);
-        let other = match family.point_in(slot) {
-            Some(other) => {
-                // by rounding, only one end may have exceeded the limit
-                is_new |= break_direction(family, broken, [other, own], &mut on_break);
-                other
-            }
-            None => {
-                let remote = family.remote_in(slot)?;
-                family.break_remote(remote, own, broken);
-                remote
-            }
-        };
+        let other = family.any_point_in(slot)?;
+        if other < family.points() {
+            // by rounding, only one end may have exceeded the limit
+            is_new |= break_direction(family, broken, [other, own], &mut on_break);
+        } else {
+            family.break_remote(other, own, broken);
+        }
         is_new.then(|| [point.min(other) as u32, point.max(other) as u32])
     }
 }
@@ -142,7 +136,7 @@ pub(super) fn broken_pairs<'a>(
         let mut pairs = Vec::new();
         family.for_each_bond(point, |number, _, slot| {
             if broken.is_broken(point, number)
-                && let Some(other) = family.point_in(slot).or_else(|| family.remote_in(slot))
+                && let Some(other) = family.any_point_in(slot)
                 && other > point
             {
                 pairs.push([point, other]);

@@ -366,12 +366,18 @@ impl Fracture {
             broken: self.broken(),
         };
         let points = (0..family.points()).filter(exceeds);
-        breakable.find_exceeding(points, None, ratio, &mut exceeding);
+        breakable.find_exceeding(points, ratio, &mut exceeding);
         for &(slot, remote) in family.remote() {
             if exceeds(&(remote as usize)) {
                 let others = family.owned_around(slot as usize);
                 let others = others.filter(|point| !exceeds(point));
-                breakable.find_exceeding(others, Some(slot as usize), ratio, &mut exceeding);
+                let ratio = |point: usize, number: usize, bond: &Bond, other: usize| match other
+                    == slot as usize
+                {
+                    true => ratio(point, number, bond, other),
+                    false => 0.0,
+                };
+                breakable.find_exceeding(others, ratio, &mut exceeding);
             }
         }
         Exceeding::keep_largest(&mut exceeding, fraction);

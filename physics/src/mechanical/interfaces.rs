@@ -247,7 +247,7 @@ impl Classes<'_> {
         let own = self.of(point);
         let mut bonds: Vec<(u32, Bond, u32, bool)> = Vec::new();
         family.for_each_bond(point as usize, |number, bond, slot| {
-            let is_point = family.point_in(slot).is_some() || family.remote_in(slot).is_some();
+            let is_point = family.any_point_in(slot).is_some();
             bonds.push((number as u32, *bond, self.point_in[slot], is_point));
         });
         let mut others: Vec<u32> = bonds

@@ -279,6 +279,7 @@ impl RunningPhysics for RunningMechanical {
         if self.is_explicit {
             run.logged_energy = Some(run.energy(world));
         }
+        run.count_broken_bonds(world);
         for (i, section) in self.sections.iter().enumerate() {
             run.section_forces[i] = section.force(run, world);
         }

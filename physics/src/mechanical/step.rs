@@ -409,9 +409,6 @@ impl MechanicalRun {
                 world.write(*field).copy_from_slice(mode.damage);
             }
         }
-        if modes.is_empty() {
-            self.count_broken_bonds(world);
-        }
         breaks.any
     }
 

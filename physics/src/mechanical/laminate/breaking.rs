@@ -247,5 +247,5 @@ fn find_loaded<const I: usize>(
         let [own, other] = [family.slot_of(point), slot].map(|slot| inputs.map(|i| i[slot]));
         load.ratio(bond, &own, &other)
     };
-    breakable.find_exceeding(points, None, ratio, found);
+    breakable.find_exceeding(points, ratio, found);
 }

@@ -33,7 +33,7 @@ pub(super) struct Dilatation {
     /// `sum_j w n (x) n` of each point; empty until it is needed.
     directions: Vec<[f64; 6]>,
     pressure: Vec<f64>,
-    /// Whether the points of other processes have what follows from their bonds alone.
+    /// Whether the points of other processes have their normalisers.
     knows_remote: bool,
 }
 
@@ -113,24 +113,30 @@ impl Dilatation {
         }
     }
 
-    /// Brings the points of other processes what follows from their bonds alone, once.
+    /// Brings the points of other processes their normalisers, which do not change.
     pub(super) fn bring_normalisers(&mut self, remote: &RemotePoints) {
         if !std::mem::replace(&mut self.knows_remote, true) {
             remote.bring(&mut self.normaliser, 1);
-            remote.bring(&mut self.of_unit_strain, 1);
         }
     }
 
-    /// Sums the stretches of the displacement that was loaded, of a kind of strain; with `remote` at the points of other processes, too.
+    /// Brings the points of other processes what was summed last.
+    pub(super) fn bring_sums(&mut self, remote: &RemotePoints) {
+        self.bring_normalisers(remote);
+        remote.bring(self.sums.as_flattened_mut(), 1);
+        if !self.parts.is_empty() {
+            remote.bring(self.parts.as_flattened_mut(), 4);
+        }
+    }
+
+    /// Sums the stretches of the displacement that was loaded, of a kind of strain.
     pub(super) fn sum(
         &mut self,
         strain: StrainKind,
         finite: bool,
         inputs: &Inputs,
         broken: Option<&BrokenBonds>,
-        remote: &RemotePoints,
     ) {
-        self.bring_normalisers(remote);
         let Self { sums, parts, .. } = self;
         let is_elastic = strain == StrainKind::Elastic;
         let has_tensor = is_elastic && inputs.has_tensor();
@@ -141,7 +147,6 @@ impl Dilatation {
                 (false, true) => inputs.sum::<INPUTS, 1>(&ElasticDilation::<FINITE>, broken, sums),
                 (false, false) => inputs.sum::<3, 1>(&Dilation::<FINITE>, broken, sums),
             });
-            remote.bring(sums.as_flattened_mut(), 1);
             return;
         }
         specialise!(FINITE = finite => match (has_tensor, has_eigenstrain) {
@@ -149,7 +154,6 @@ impl Dilatation {
             (false, true) => inputs.sum::<INPUTS, 4>(&ElasticExpansion::<FINITE>, broken, parts),
             (false, false) => inputs.sum::<3, 4>(&Expansion::<FINITE>, broken, parts),
         });
-        remote.bring(parts.as_flattened_mut(), 4);
         let sums = sums.par_iter_mut().zip(parts).with_min_len(4096);
         sums.for_each(|(sum, [x, y, z, eigenstrain])| *sum = [*x + *y + *z - *eigenstrain]);
     }

@@ -35,8 +35,8 @@ impl<L: BondForce> Ordinary<L> {
             return;
         };
         let broken = self.base.fracture.as_ref().map(Fracture::broken);
-        let remote = &self.base.remote;
-        dilatation.sum(strain, finite, &self.inputs, broken, remote);
+        dilatation.sum(strain, finite, &self.inputs, broken);
+        dilatation.bring_sums(&self.base.remote);
         if self.base.continuation.is_bent() {
             dilatation.sum_directions(&self.inputs, broken);
         }

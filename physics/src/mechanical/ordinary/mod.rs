@@ -249,14 +249,13 @@ impl<L: BondForce> Ordinary<L> {
             elastic,
             fracture,
             tensors,
-            remote,
             ..
         } = &mut self.base;
         let broken = fracture.as_ref().map(Fracture::broken);
         let (finite, law, inputs) = (elastic.finite, self.law, &self.inputs);
         inputs.sum::<INPUTS, 6>(&ConjugateStress { law, finite }, broken, tensors);
         if let Some(dilatation) = &mut self.dilatation {
-            dilatation.sum(StrainKind::Total, finite, inputs, broken, remote);
+            dilatation.sum(StrainKind::Total, finite, inputs, broken);
             dilatation.sum_directions(inputs, broken);
             for (i, tensor) in tensors.iter_mut().enumerate() {
                 let of_pressure = dilatation.conjugate_stress_tensor(elastic, i);
@@ -280,7 +279,6 @@ impl<L: BondForce> Ordinary<L> {
             elastic,
             fracture,
             energy,
-            remote,
             ..
         } = &mut self.base;
         let broken = fracture.as_ref().map(Fracture::broken);
@@ -288,7 +286,7 @@ impl<L: BondForce> Ordinary<L> {
         specialise!(FINITE = finite =>
             inputs.sum::<INPUTS, 2>(&Energy::<FINITE, L>(law), broken, energy));
         if let Some(dilatation) = &mut self.dilatation {
-            dilatation.sum(StrainKind::Total, finite, inputs, broken, remote);
+            dilatation.sum(StrainKind::Total, finite, inputs, broken);
             for (i, [density, conjugate]) in energy.iter_mut().enumerate() {
                 *density += dilatation.energy(elastic, None, i);
                 *conjugate += dilatation.conjugate_stress(elastic, i, dilatation.sums[i][0]);
@@ -307,7 +305,6 @@ impl<L: BondForce> Ordinary<L> {
             plasticity,
             fracture,
             energy,
-            remote,
             ..
         } = &mut self.base;
         let broken = fracture.as_ref().map(Fracture::broken);
@@ -319,7 +316,7 @@ impl<L: BondForce> Ordinary<L> {
                 inputs.sum::<INPUTS, 2>(&ElasticEnergy::<FINITE, L>(law), broken, energy)),
         }
         if let Some(dilatation) = &mut self.dilatation {
-            dilatation.sum(StrainKind::Elastic, finite, inputs, broken, remote);
+            dilatation.sum(StrainKind::Elastic, finite, inputs, broken);
             for (i, [density, _]) in energy.iter_mut().enumerate() {
                 *density += dilatation.energy(elastic, plasticity.as_ref(), i);
             }

@@ -113,15 +113,12 @@ impl<const I: usize, const O: usize> PairSweep<'_, I, O> {
         unsafe { self.planes.add(plane, slot, parts) }
     }
 
-    /// Whether a point of a block has broken bonds.
-    fn loses_bonds(&self, head: BlockHead) -> bool {
-        let Some(broken) = self.inputs.broken else {
-            return false;
-        };
-        match head.point {
+    /// The broken bonds, if points of a block have some.
+    fn broken_in(&self, head: BlockHead) -> Option<&BrokenBonds> {
+        self.inputs.broken.filter(|broken| match head.point {
             MIXED => (head.slots()).any(|slot| self.bits(broken, slot).any()),
             _ => !broken.is_whole(head.points()),
-        }
+        })
     }
 
     /// The weights of a block near a crack, without those of broken bonds. A block is swept in the same order whether bonds
@@ -129,15 +126,13 @@ impl<const I: usize, const O: usize> PairSweep<'_, I, O> {
     #[inline(never)]
     fn unbroken_weights<'w>(
         &self,
+        broken: &BrokenBonds,
         half: &HalfStencil,
         block: usize,
         unbroken: &'w mut Vec<Weights>,
     ) -> &'w [Weights] {
         unbroken.clear();
         unbroken.extend_from_slice(half.blocks.weights(block));
-        let Some(broken) = self.inputs.broken else {
-            return unbroken;
-        };
         for (lane, slot) in half.blocks.head[block].slots().enumerate() {
             let bits = self.bits(broken, slot);
             if !bits.any() {
@@ -154,8 +149,7 @@ impl<const I: usize, const O: usize> PairSweep<'_, I, O> {
 
     /// The broken bonds of the point in a slot.
     fn bits<'b>(&self, broken: &'b BrokenBonds, slot: usize) -> Bits<'b> {
-        let point = self.family.point_in(slot);
-        let point = point.or_else(|| self.family.remote_in(slot));
+        let point = self.family.any_point_in(slot);
         point.map_or(Bits::NONE, |point| broken.bits(point))
     }
 
@@ -202,11 +196,14 @@ fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
     } = &pairs.ahead;
     for block in of_box.ahead.clone() {
         let head = blocks.head[block];
-        let weights = match sweep.loses_bonds(head) {
-            true => Some(sweep.unbroken_weights(&pairs.ahead, block, &mut unbroken)),
-            false if Some(head.pattern) == pairs.complete => None,
-            false => Some(blocks.weights(block)),
+        let weights = match sweep.broken_in(head) {
+            Some(broken) => {
+                Some(sweep.unbroken_weights(broken, &pairs.ahead, block, &mut unbroken))
+            }
+            None if Some(head.pattern) == pairs.complete => None,
+            None => Some(blocks.weights(block)),
         };
+        // compiled for either case
         if weights.is_none() {
             let weights = None;
             add_block(kernel, sweep, inputs, LaneBonds { stencil, weights }, head);
@@ -219,9 +216,9 @@ fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
     } = &pairs.behind;
     for block in of_box.behind.clone() {
         let head = blocks.head[block];
-        let weights = match sweep.loses_bonds(head) {
-            true => sweep.unbroken_weights(&pairs.behind, block, &mut unbroken),
-            false => blocks.weights(block),
+        let weights = match sweep.broken_in(head) {
+            Some(broken) => sweep.unbroken_weights(broken, &pairs.behind, block, &mut unbroken),
+            None => blocks.weights(block),
         };
         let weights = Some(weights);
         let bonds = LaneBonds::<BLOCK> { stencil, weights };
