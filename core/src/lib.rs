@@ -37,6 +37,7 @@ mod neighbours;
 pub mod numbers;
 pub mod orientation;
 pub mod pair_list;
+pub mod parallel;
 pub mod pddo;
 pub mod plugin;
 mod point_rows;

@@ -1,6 +1,7 @@
 //! Orientation of the material at a point: a rotation vector, whose direction is the axis of the rotation and whose length is
 //! its angle (rad). It turns the axes x, y, z of space to the axes of the material, such as fibres, in the undeformed body.
 
+use crate::parallel::ParallelLoop;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
 
@@ -40,7 +41,7 @@ impl PointAxes {
         if self.orientation != orientation {
             self.orientation.copy_from_slice(orientation);
             let turned = self.axes.par_iter_mut().zip(orientation);
-            turned.for_each(|(own, orientation)| *own = axes(orientation));
+            turned.for_all(|(own, orientation)| *own = axes(orientation));
         }
     }
 

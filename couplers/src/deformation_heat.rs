@@ -25,6 +25,7 @@ use perimelt_core::material::{
     Directional, Expansion, ExpansionError, MaterialError, ThermalState,
 };
 use perimelt_core::orientation::{PointAxes, tensor};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
     Coupler, Prepared, Read, ReadIfProvided, RunningCoupler, Setup, SetupError, World, keys,
@@ -74,7 +75,7 @@ impl Coupler for DeformationHeat {
             let find = move |world: &World, found: &mut [f64]| {
                 factors.with(world, |along| {
                     let points = found.par_iter_mut().enumerate();
-                    points.for_each(|(point, factor)| *factor = along(point, 0));
+                    points.for_all(|(point, factor)| *factor = along(point, 0));
                 });
             };
             return WorkHeat::prepare(setup, body, &keys::CONJUGATE_STRESS, name, find);
@@ -85,7 +86,7 @@ impl Coupler for DeformationHeat {
             axes.follow(&world.read(orientation));
             factors.with(world, |along| {
                 let points = found.par_chunks_exact_mut(9).enumerate();
-                points.for_each(|(point, factors)| {
+                points.for_all(|(point, factors)| {
                     let principal = [0, 1, 2].map(|axis| along(point, axis));
                     factors.copy_from_slice(tensor(axes.of(point), principal).as_slice());
                 });

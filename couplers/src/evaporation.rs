@@ -19,6 +19,7 @@ use std::f64::consts::PI;
 
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::numbers::check_within;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::world::{BodyIndex, HeatedInterface, TwoFluids};
 use perimelt_core::{
@@ -218,7 +219,7 @@ impl RunningEvaporation {
         let square = |point: u32| fraction[point as usize].clamp(0.0, 1.0).powi(2);
         let distance = self.distance;
         let slopes = self.slope.par_iter_mut().zip(&self.neighbours);
-        slopes.with_min_len(4096).for_each(|(slope, beside)| {
+        slopes.with_min_len(4096).for_all(|(slope, beside)| {
             let along = beside.map(|[low, high]| square(high) - square(low));
             *slope = along.iter().map(|d| d * d).sum::<f64>().sqrt() / distance;
         });
@@ -231,7 +232,7 @@ impl RunningEvaporation {
         let points = points.zip(temperature.par_iter().zip(fraction));
         points
             .with_min_len(4096)
-            .for_each(|((mass, slope), (&t, &c))| {
+            .for_all(|((mass, slope), (&t, &c))| {
                 *mass = 0.0;
                 if *slope > 0.0 && t > 0.0 {
                     let c = c.clamp(0.0, 1.0);
@@ -259,14 +260,14 @@ impl RunningCoupler for RunningEvaporation {
         let points = source.par_iter_mut().zip(&self.mass);
         points
             .with_min_len(4096)
-            .for_each(|(source, mass)| *source -= heat * mass);
+            .for_all(|(source, mass)| *source -= heat * mass);
         if let Some(pressure) = self.pressure {
             let (recoil, vapour) = (self.recoil, self.vapour);
             let mut pressure = world.write(pressure);
             let points = pressure.par_iter_mut().zip(temperature);
             points
                 .with_min_len(4096)
-                .for_each(|(p, t)| *p += recoil * vapour.saturation(*t));
+                .for_all(|(p, t)| *p += recoil * vapour.saturation(*t));
         }
         let volume = &world.body(self.body).points.volume;
         let (slope, mass) = (&self.slope, &self.mass);

@@ -28,6 +28,7 @@ use perimelt_core::in_space::Placed;
 use perimelt_core::material::{Directional, Expansion, ThermalState};
 use perimelt_core::numbers::check_above;
 use perimelt_core::orientation::{PointAxes, tensor};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
     Coupler, GivenValue, InSpace, Prepared, Read, ReadIfProvided, RunError, RunningCoupler, Setup,
@@ -271,13 +272,13 @@ impl RunningCoupler for RunningThermalExpansion {
         let mut eigenstrain = world.write(*mean);
         let points = eigenstrain.par_iter_mut().enumerate();
         let Some(rest) = rest else {
-            points.for_each(|(point, sum)| *sum += along(point, 0));
+            points.for_all(|(point, sum)| *sum += along(point, 0));
             return Ok(());
         };
         rest.axes.follow(&world.read(rest.orientation));
         let mut tensors = world.write(rest.strain);
         let points = points.zip(tensors.par_iter_mut());
-        points.for_each(|((point, sum), rest_of_point)| {
+        points.for_all(|((point, sum), rest_of_point)| {
             if !expansion(point).has_directions() {
                 *sum += along(point, 0);
                 return;

@@ -13,6 +13,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::numbers::{check_at_least, check_positive};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::shape::{Shape, StlError};
 use perimelt_core::text::position;
 use perimelt_core::world::BodyIndex;
@@ -161,7 +162,7 @@ impl RunningCoupler for RunningForcingZone {
             (fraction * keys.target(x, time) - velocity[i]) * (density / keys.time)
         };
         let points = (0..velocity.len()).into_par_iter().with_min_len(POINTS);
-        points.map(added).collect_into_vec(&mut self.added);
+        points.map(added).fill(&mut self.added);
         self.force = Vector3::zeros();
         let mut body_force = world.write(self.body_force);
         for ((sum, added), volume) in body_force

@@ -17,6 +17,7 @@
 
 use perimelt_core::error::Problem;
 use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, MushyCapacity};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::world::TwoFluids;
 use perimelt_core::{
     Coupler, Prepared, Read, ReadIfProvided, RunError, RunningCoupler, Setup, SetupError, Step,
@@ -126,7 +127,7 @@ impl RunningCoupler for RunningPhaseChange {
             let points = liquid_fraction.par_iter_mut().zip(&*fraction);
             let points = points.zip(temperature);
             points
-                .for_each(|((value, c), t)| *value = c.clamp(0.0, 1.0) * curve.liquid_fraction(*t));
+                .for_all(|((value, c), t)| *value = c.clamp(0.0, 1.0) * curve.liquid_fraction(*t));
             return Ok(());
         }
         let fraction = |point: usize| {
@@ -137,7 +138,7 @@ impl RunningCoupler for RunningPhaseChange {
             }
         };
         let points = liquid_fraction.par_iter_mut().enumerate();
-        points.for_each(|(point, value)| *value = fraction(point));
+        points.for_all(|(point, value)| *value = fraction(point));
         Ok(())
     }
 }

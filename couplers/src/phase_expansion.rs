@@ -17,6 +17,7 @@
 //! Above the cut-off temperature the strain is constant, as for `thermal_expansion`, which this coupler replaces.
 
 use perimelt_core::numbers::{check_above, check_fraction};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{
     Coupler, Prepared, Read, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World,
     Write, keys,
@@ -135,7 +136,7 @@ impl RunningCoupler for RunningPhaseExpansion {
         let cutoff = self.keys.cutoff_temperature.unwrap_or(f64::INFINITY);
         let mut eigenstrain = world.write(self.eigenstrain);
         let points = eigenstrain.par_iter_mut().zip(temperature).zip(austenite);
-        points.for_each(|((sum, t), a)| *sum += self.keys.strain(t.min(cutoff), *a));
+        points.for_all(|((sum, t), a)| *sum += self.keys.strain(t.min(cutoff), *a));
         Ok(())
     }
 }

@@ -9,6 +9,7 @@
 
 use perimelt_core::material::Property;
 use perimelt_core::numbers::check_positive;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{
     Coupler, Key, Prepared, Read, RunError, RunningCoupler, Setup, Step, Stepping, World, Write,
     keys,
@@ -115,19 +116,16 @@ impl RunningCoupler for RunningPhaseStrength {
         let shares = self.shares.map(|share| world.read(share));
         let shares: [&[f64]; 5] = std::array::from_fn(|c| &shares[c][..]);
         let mut yield_stress = world.write(self.yield_stress);
-        yield_stress
-            .par_iter_mut()
-            .enumerate()
-            .for_each(|(i, sum)| {
-                let common = &self.common[material[i] as usize];
-                let of = |c: usize| {
-                    self.given[c]
-                        .as_ref()
-                        .unwrap_or(common)
-                        .at(temperature[i], 0.0)
-                };
-                *sum = (0..5).map(|c| shares[c][i] * of(c)).sum();
-            });
+        yield_stress.par_iter_mut().enumerate().for_all(|(i, sum)| {
+            let common = &self.common[material[i] as usize];
+            let of = |c: usize| {
+                self.given[c]
+                    .as_ref()
+                    .unwrap_or(common)
+                    .at(temperature[i], 0.0)
+            };
+            *sum = (0..5).map(|c| shares[c][i] * of(c)).sum();
+        });
         Ok(())
     }
 }

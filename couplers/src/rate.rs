@@ -1,6 +1,7 @@
 //! Heat from the rate of a work between two applications of a coupler.
 
 use perimelt_core::field::Value;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::plugin::load_points;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
@@ -83,7 +84,7 @@ impl<T: Value> RunningCoupler for WorkHeat<T> {
         }
         let mut heat_source = world.write(self.heat_source);
         let points = heat_source.par_iter_mut().zip(&self.heat);
-        points.for_each(|(sum, heat)| *sum += heat);
+        points.for_all(|(sum, heat)| *sum += heat);
         // in order, so that the sum does not depend on the number of threads
         let points = self.heat.iter().zip(&world.body(self.body).points.volume);
         self.power = points.map(|(heat, volume)| heat * volume).sum();

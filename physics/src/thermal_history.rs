@@ -21,6 +21,7 @@ use nalgebra::{Cholesky, SMatrix, SVector, Vector3};
 use perimelt_core::body::{Body, BoxImage, BoxImages};
 use perimelt_core::cell_list::CellList;
 use perimelt_core::material::Property;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::plugin::load_points;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::{
@@ -308,7 +309,7 @@ impl RunningHistory {
         (0..points.len())
             .into_par_iter()
             .map(of_point)
-            .collect_into_vec(&mut self.next);
+            .fill(&mut self.next);
     }
 
     fn write(&mut self, world: &World) {

@@ -7,7 +7,7 @@ use std::path::Path;
 use perimelt_tests::{files_with, root};
 
 /// Modules of `perimelt-core`, the lowest first.
-const CORE: &str = "instructions transport axis orientation named input folder text explanation flattened cell_list neighbours fire formula shape material samples in_time programme point_rows body \
+const CORE: &str = "instructions parallel transport axis orientation named input folder text explanation flattened cell_list neighbours fire formula shape material samples in_time programme point_rows body \
                     solver family pddo error numbers surface_tension law stepping in_space field world setup pair_list schedule plugin log simulation";
 
 /// Modules of `perimelt-plot`, the lowest first.

@@ -16,6 +16,7 @@
 //! Points whose families a bare surface cuts keep `l = 0`: their bonds need not balance, since the heat of
 //! a linear field leaves through the surface. Mirrored layers mirror `l`.
 
+use crate::parallel::ParallelLoop;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -126,7 +127,7 @@ impl Equations<'_> {
 
     fn fill(&self, out: &mut [f64], of: impl Fn(usize) -> Vector3<f64> + Sync) {
         let points = out.par_chunks_exact_mut(3).enumerate();
-        points.with_min_len(256).for_each(|(point, out)| {
+        points.with_min_len(256).for_all(|(point, out)| {
             let value = match self.is_free[point] {
                 true => of(point),
                 false => Vector3::zeros(),

@@ -1,6 +1,7 @@
 //! Broken bonds: one bit for each bond, beside a family that stays as it was built.
 
-use super::{Bond, Family, Store};
+use super::store::BondReceiver;
+use super::{Bond, CloudRows, Family, Store};
 use crate::point_rows::PointRows;
 
 /// Which bonds of a family are broken; they never heal. Both directions of a bond break together. In the family of a part, remote
@@ -195,7 +196,13 @@ impl Family {
     }
 
     /// All bonds of a point: number in its family, bond, slot of the other end.
-    pub fn for_each_bond(&self, point: usize, receive: impl FnMut(usize, &Bond, usize)) {
+    #[inline]
+    pub fn for_each_bond(&self, point: usize, mut receive: impl FnMut(usize, &Bond, usize)) {
+        self.pass_bonds(point, &mut receive);
+    }
+
+    /// The call is dynamic, so that the loop is compiled once.
+    fn pass_bonds(&self, point: usize, receive: BondReceiver<'_>) {
         if self.store.growth().is_some_and(|g| g.is_unborn(point)) {
             return;
         }
@@ -206,7 +213,11 @@ impl Family {
             }
             // each point has a row
             Store::List(stencil, rows) => stencil.for_each_bond(rows, point, receive),
-            Store::Cloud(cloud) | Store::Moving(cloud, _) => cloud.for_each_bond(here, receive),
+            // rows are in the order of slots
+            Store::Cloud(CloudRows { places, rows })
+            | Store::Moving(CloudRows { places, rows }, _) => {
+                places.for_each_bond(rows, here, receive);
+            }
         }
     }
 

@@ -6,6 +6,7 @@
 //! points mix. [`Family::update_weights`] moves the images behind faces with their points and computes the weights; it is
 //! called for every new configuration. The [`World`](crate::World) owns the families of moving bodies and calls both.
 
+use crate::parallel::ParallelLoop;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -364,7 +365,7 @@ impl Rows {
             tasks.push((first..last, task));
             (rest, done) = (left, start[last]);
         }
-        tasks.into_par_iter().for_each(|(rows, weights)| {
+        tasks.into_par_iter().for_all(|(rows, weights)| {
             let offset = start[rows.start];
             for row in rows {
                 let (from, to) = (start[row], start[row + 1]);

@@ -6,6 +6,7 @@
 use std::ops::{Deref, DerefMut};
 use std::slice;
 
+use crate::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::{Family, GhostRule, PointSlots, SLOTS};
@@ -63,14 +64,14 @@ impl SlotField {
         ghosts: impl GhostRule,
     ) {
         let each = fields.par_iter_mut().enumerate();
-        each.for_each(|(n, field)| field.take(family, &values(n)));
+        each.for_all(|(n, field)| field.take(family, &values(n)));
         family.fill_ghosts(fields, ghosts);
     }
 
     /// Sets the values of all slots, ghosts included.
     pub fn set(&mut self, values: impl IndexedParallelIterator<Item = f64>) {
         let values = values.with_min_len(SLOTS / 4);
-        values.collect_into_vec(&mut self.0);
+        values.fill(&mut self.0);
     }
 
     /// Fills the ghosts of a field whose points have their values.
@@ -90,11 +91,11 @@ impl SlotField {
                 let slots = self.0.par_iter_mut().zip(point_in);
                 return slots
                     .with_min_len(SLOTS)
-                    .for_each(|(value, &point)| *value = values.at(point as usize));
+                    .for_all(|(value, &point)| *value = values.at(point as usize));
             }
         };
         let parts = self.0.par_chunks_mut(SLOTS).enumerate();
-        parts.for_each(|(number, part)| {
+        parts.for_all(|(number, part)| {
             let (start, end) = (number * SLOTS, number * SLOTS + part.len());
             let from = spans.partition_point(|s| (s.slot + s.len) as usize <= start);
             let spans = spans[from..].iter();

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use crate::body::Face;
@@ -122,7 +123,7 @@ impl PointSlots {
         if let PointSlots::Sorted { point_in, .. } = self {
             let slots = by_slot.par_iter_mut().zip(point_in);
             let slots = slots.with_min_len(SLOTS);
-            slots.for_each(|(value, &point)| *value = by_point[point as usize]);
+            slots.for_all(|(value, &point)| *value = by_point[point as usize]);
         }
     }
 

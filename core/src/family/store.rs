@@ -25,6 +25,9 @@ pub(super) enum Store {
     Moving(CloudRows, Box<Following>),
 }
 
+/// Takes a bond: its number in the family, the bond, the slot of the other end.
+pub(super) type BondReceiver<'a> = &'a mut dyn FnMut(usize, &Bond, usize);
+
 /// Bonds that all complete families of a lattice have.
 #[derive(Debug)]
 pub(super) struct Stencil {
@@ -134,13 +137,7 @@ impl Store {
 
 impl Stencil {
     /// All bonds of a row: number in the row, bond, slot of the other end.
-    #[inline(always)]
-    pub(super) fn for_each_bond(
-        &self,
-        rows: &Rows,
-        row: usize,
-        mut receive: impl FnMut(usize, &Bond, usize),
-    ) {
+    pub(super) fn for_each_bond(&self, rows: &Rows, row: usize, receive: BondReceiver<'_>) {
         for (number, at) in (rows.start[row]..rows.start[row + 1]).enumerate() {
             let [weight, dual] = rows.weights(at);
             let bond = Bond {
@@ -153,27 +150,9 @@ impl Stencil {
     }
 }
 
-impl CloudRows {
-    /// All bonds of the point in a slot: number in its row, bond, slot of the other end.
-    pub(super) fn for_each_bond(&self, slot: usize, mut receive: impl FnMut(usize, &Bond, usize)) {
-        let CloudRows { places, rows } = self;
-        // rows are in the order of slots
-        for (number, at) in (rows.start[slot]..rows.start[slot + 1]).enumerate() {
-            let other = rows.column[at] as usize;
-            receive(number, &places.bond(slot, other, rows.weights(at)), other);
-        }
-    }
-}
-
 impl StencilBonds {
     /// All bonds of a point in a slot: number in the stencil, bond, slot of the other end.
-    #[inline]
-    pub(super) fn for_each_bond(
-        &self,
-        point: usize,
-        slot: usize,
-        mut receive: impl FnMut(usize, &Bond, usize),
-    ) {
+    pub(super) fn for_each_bond(&self, point: usize, slot: usize, receive: BondReceiver<'_>) {
         let own = self.blocks.find(point as u32);
         let own = own.map(|(block, lane)| (self.blocks.weights(block), lane));
         for (number, StencilBond { offset, bond }) in self.stencil.bonds.iter().enumerate() {
@@ -251,6 +230,15 @@ impl Rows {
 }
 
 impl SlotPlaces {
+    /// All bonds of a row: number in the row, bond, slot of the other end.
+    pub(super) fn for_each_bond(&self, rows: &Rows, row: usize, receive: BondReceiver<'_>) {
+        let slot = rows.slot[row] as usize;
+        for (number, at) in (rows.start[row]..rows.start[row + 1]).enumerate() {
+            let other = rows.column[at] as usize;
+            receive(number, &self.bond(slot, other, rows.weights(at)), other);
+        }
+    }
+
     /// The bond between two slots with these weights.
     fn bond(&self, slot: usize, other: usize, weights: [f64; 2]) -> Bond {
         let xi: [f64; 3] = std::array::from_fn(|a| self.at[a][other] - self.at[a][slot]);

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::parallel::ParallelLoop;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -128,10 +129,7 @@ impl Placed {
             }
             ValueSource::Formula(formula) => {
                 let at = |p: &Vector3<f64>| formula.at((*p).into(), time);
-                self.positions
-                    .par_iter()
-                    .map(at)
-                    .collect_into_vec(&mut self.values);
+                self.positions.par_iter().map(at).fill(&mut self.values);
             }
             ValueSource::States(states, window) => {
                 let times = states.times();

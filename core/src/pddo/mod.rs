@@ -19,6 +19,7 @@ mod tests;
 
 use std::sync::Arc;
 
+use crate::parallel::ParallelLoop;
 use nalgebra::{SMatrix, Vector3};
 use rayon::prelude::*;
 
@@ -294,7 +295,7 @@ impl Pddo {
         let (columns, _) = self.inverse.as_chunks::<N>();
         let (inverses, _) = columns.as_chunks::<N>();
         let points = moments.par_iter_mut().zip(&self.inverse_of_point);
-        points.with_min_len(1024).for_each(|(sums, &inverse)| {
+        points.with_min_len(1024).for_all(|(sums, &inverse)| {
             *sums = times(&inverses[inverse as usize], sums);
         });
     }

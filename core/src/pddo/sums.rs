@@ -1,5 +1,6 @@
 //! Sums of derivatives of fields: gradient, Laplacian and divergence.
 
+use crate::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::basis::{monomials, with_basis};
@@ -106,7 +107,7 @@ impl Pddo {
         rows.resize(self.dimension * self.points(), 0.0);
         let points = rows.par_chunks_exact_mut(self.dimension).enumerate();
         let points = points.with_min_len(1024);
-        points.for_each(|(point, row)| row.copy_from_slice(&work.at(point)[..self.dimension]));
+        points.for_all(|(point, row)| row.copy_from_slice(&work.at(point)[..self.dimension]));
     }
 
     /// [`Pddo::laplacian`] with differences that count with the mean of a coefficient of both ends in series, by slot.
@@ -124,7 +125,7 @@ impl Pddo {
         self.differentiate_in_series(field, coefficient, work);
         let points = (0..self.points()).into_par_iter().with_min_len(1024);
         let points = points.map(|point| work.laplacian(point));
-        points.collect_into_vec(laplacian);
+        points.fill(laplacian);
     }
 
     /// The divergence at all points of a vector field, whose values by slot are `field`, one array for each
@@ -206,7 +207,7 @@ impl Pddo {
         for (i, field) in fields.into_iter().enumerate() {
             self.differentiate(field, work);
             let points = rows.par_iter_mut().enumerate().with_min_len(1024);
-            points.for_each(|(point, row)| {
+            points.for_all(|(point, row)| {
                 let all = work.at(point);
                 for (sum, of) in row.iter_mut().zip(&derivatives) {
                     *sum += of[i].iter().map(|&q| all[q]).sum::<f64>();

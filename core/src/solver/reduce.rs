@@ -49,7 +49,8 @@ fn exact_sums<const N: usize>(
     len: usize,
     of_group: impl Fn(Range<usize>) -> [f64; N] + Sync,
 ) -> [ExactSum; N] {
-    let add = |sums: Sums<N>, chunk: usize| {
+    // the call is dynamic, so that the distribution is compiled once and not for every sum
+    let add: &(dyn Fn(Sums<N>, usize) -> Sums<N> + Sync) = &|sums, chunk| {
         let entries = chunk * CHUNK..len.min((chunk + 1) * CHUNK);
         let groups = entries.len().div_ceil(GROUP);
         sums.add(groups, |number| {

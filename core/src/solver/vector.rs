@@ -1,6 +1,7 @@
 //! Entry-wise updates of vectors, in parallel where it pays.
 
 use super::reduce::CHUNK;
+use crate::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 /// Below this length, another thread costs more than it saves.
@@ -26,7 +27,7 @@ pub(crate) fn update<const N: usize>(
     } else {
         out.par_chunks_mut(CHUNK)
             .enumerate()
-            .for_each(|(chunk, out)| piece(chunk * CHUNK, out));
+            .for_all(|(chunk, out)| piece(chunk * CHUNK, out));
     }
 }
 
@@ -51,6 +52,6 @@ pub(crate) fn update_both<const N: usize>(
             .zip(second.par_chunks_mut(CHUNK));
         parts
             .enumerate()
-            .for_each(|(chunk, (first, second))| piece(chunk * CHUNK, first, second));
+            .for_all(|(chunk, (first, second))| piece(chunk * CHUNK, first, second));
     }
 }

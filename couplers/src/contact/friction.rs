@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::World;
+use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::{POINTS, RunningContact, Touch};
@@ -26,7 +27,7 @@ impl RunningContact {
     pub(super) fn count_contacts(&mut self) {
         let mut contacts = std::mem::take(&mut self.contacts);
         let points = contacts.par_iter_mut().enumerate().with_min_len(POINTS);
-        points.for_each(|(i, count)| {
+        points.for_all(|(i, count)| {
             *count = 0.0;
             self.for_each_touch(i, 1.0, |_, _| *count += 1.0);
         });

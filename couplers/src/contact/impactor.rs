@@ -5,6 +5,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::numbers::check_positive;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{
     Coupler, LoadError, Prepared, Read, Report, RunError, RunningCoupler, SavedState, Setup,
     SetupError, Step, World, Write, keys,
@@ -64,7 +65,7 @@ impl RunningImpactor {
         let points = self.position.par_iter_mut().zip(reference);
         let points = points.zip(&*displacement);
         let points = points.zip(&*velocity).with_min_len(4096);
-        points.for_each(|(((y, x), u), v)| *y = x + u + time * v);
+        points.for_all(|(((y, x), u), v)| *y = x + u + time * v);
     }
 }
 

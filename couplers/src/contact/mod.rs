@@ -39,6 +39,7 @@ use normals::Neighbourhoods;
 
 use nalgebra::Vector3;
 use perimelt_core::numbers::{check_at_least, check_positive};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::{
     Coupler, FamilySpec, LoadError, PairList, Prepared, Read, Report, RunError, RunningCoupler,
@@ -319,7 +320,7 @@ impl RunningContact {
         let mut impulse = std::mem::take(&mut self.impulse);
         let mut springs = std::mem::take(&mut self.springs);
         let points = impulse.par_iter_mut().zip(&mut springs).enumerate();
-        points.with_min_len(POINTS).for_each(|(i, (sum, springs))| {
+        points.with_min_len(POINTS).for_all(|(i, (sum, springs))| {
             *sum = Vector3::zeros();
             springs.clear();
             self.for_each_touch(i, dt, |j, touch| {
@@ -433,7 +434,7 @@ impl RunningCoupler for RunningContact {
             let mut impulse = world.write(side.impulse);
             let (own, others) = rest.split_at(impulse.len());
             let points = impulse.par_iter_mut().zip(own).with_min_len(POINTS);
-            points.for_each(|(sum, j)| *sum += j);
+            points.for_all(|(sum, j)| *sum += j);
             rest = others;
         }
         Ok(())

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use perimelt_core::Body;
 use perimelt_core::cell_list::CellList;
+use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 /// Radius of the neighbourhood, in spacings.
@@ -63,6 +64,6 @@ impl Neighbourhoods {
             }
         };
         let points = (0..positions.len()).into_par_iter().with_min_len(1024);
-        points.map(normal).collect_into_vec(normals);
+        points.map(normal).fill(normals);
     }
 }

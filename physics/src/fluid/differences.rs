@@ -21,6 +21,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use perimelt_core::family::{Mirrored, Rising};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Body, Derivatives, Family, Pddo, PddoError, SetupError, SlotField};
 use rayon::prelude::*;
 
@@ -84,7 +85,7 @@ impl DensityDiffusion {
             let points = (0..density.len()).into_par_iter();
             let points = points.with_min_len(POINTS_PER_TASK);
             let slopes = points.map(|i| terms.density_slope(i, axis));
-            slopes.collect_into_vec(&mut along.slope);
+            slopes.fill(&mut along.slope);
             loaded[axis] = along.slope.iter().any(|s| *s != 0.0);
             if loaded[axis] {
                 if along.coordinate_laplacian.is_empty() {
@@ -96,7 +97,7 @@ impl DensityDiffusion {
                 let hydrostatic = along.slope_slots.par_iter().zip(&*along.coordinate);
                 let slots = self.reduced.par_iter_mut().zip(hydrostatic);
                 let slots = slots.with_min_len(POINTS_PER_TASK);
-                slots.for_each(|(rho, (s, x))| *rho -= 0.5 * s * x);
+                slots.for_all(|(rho, (s, x))| *rho -= 0.5 * s * x);
                 pddo.laplacian(&along.slope_slots, work, &mut along.slope_laplacian);
             }
         }
@@ -104,7 +105,7 @@ impl DensityDiffusion {
         for (along, _) in self.axes.iter().zip(loaded).filter(|(_, loaded)| *loaded) {
             let points = self.laplacian.par_iter_mut().enumerate();
             let points = points.with_min_len(POINTS_PER_TASK);
-            points.for_each(|(i, laplacian)| {
+            points.for_all(|(i, laplacian)| {
                 let x = along.coordinate[family.slot_of(i)];
                 *laplacian += 0.5
                     * (x * along.slope_laplacian[i]
@@ -308,7 +309,7 @@ impl Differences {
         let points = density.par_iter_mut().zip(pressure).enumerate();
         points
             .with_min_len(POINTS_PER_TASK)
-            .for_each(|(i, (rho, p))| {
+            .for_all(|(i, (rho, p))| {
                 let rate = self.diffusion_rate(terms, i) - carried(i, *rho);
                 let after = *rho + terms.dt * rate;
                 terms.medium.change_density(i, after, rho, p);
@@ -320,7 +321,7 @@ impl Differences {
         let viscosity = medium.viscosity.value.par_iter().enumerate();
         let at_point = |(i, mu): (usize, &f64)| mu * self.dissipation(i);
         let viscosity = viscosity.with_min_len(POINTS_PER_TASK);
-        viscosity.map(at_point).collect_into_vec(friction);
+        viscosity.map(at_point).fill(friction);
     }
 
     /// Heat of viscous friction over the viscosity, 1/s² (Gao (2020), eq. 5.65).

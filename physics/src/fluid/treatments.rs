@@ -5,6 +5,7 @@
 
 use nalgebra::{Matrix4, Vector3, Vector4};
 use perimelt_core::family::{ByRules, LayerRule, Mirrored};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
@@ -209,7 +210,7 @@ impl Treatments {
             .zip(&self.crowding)
             .zip(&medium.spacing);
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.for_each(|((u, &[sum, number, x, y, z, content]), spacing)| {
+        points.for_all(|((u, &[sum, number, x, y, z, content]), spacing)| {
             if content < least {
                 return;
             }
@@ -312,7 +313,7 @@ impl Treatments {
             sum
         };
         let smooth = (0..density.len()).into_par_iter().with_min_len(64).map(at);
-        smooth.collect_into_vec(&mut self.smooth);
+        smooth.fill(&mut self.smooth);
         &self.smooth
     }
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use perimelt_core::family::{Continuation, LayerRule, WithTractions};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::world::RemotePoints;
 use perimelt_core::{Body, BondKernel, BrokenBonds, Family, SlotField};
 use rayon::prelude::*;
@@ -327,7 +328,7 @@ impl SolidBase {
     pub(super) fn evaluate_conjugate_stress(&mut self, gradient: &Gradient) {
         let mut tensors = std::mem::take(&mut self.tensors);
         let points = tensors.par_iter_mut().zip(&gradient.values).enumerate();
-        points.for_each(|(i, (tensor, gradient_of_point))| {
+        points.for_all(|(i, (tensor, gradient_of_point))| {
             if let Some(points) = self.law_points_of(gradient, i) {
                 *tensor = points.conjugate_stress(&self.elastic, i, gradient_of_point);
                 return;

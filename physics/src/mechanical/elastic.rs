@@ -2,6 +2,7 @@
 
 use nalgebra::Matrix3;
 use perimelt_core::Body;
+use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::classical::{COMPONENTS, Point, symmetric};
@@ -132,7 +133,7 @@ impl ElasticPoints {
         }
         let points = self.eigenstrain.par_iter_mut().enumerate();
         let points = points.with_min_len(4096);
-        points.for_each(|(i, own)| *own = in_plane(i));
+        points.for_all(|(i, own)| *own = in_plane(i));
         true
     }
 

@@ -10,6 +10,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::Continuation;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Family};
 use rayon::prelude::*;
 
@@ -294,7 +295,7 @@ impl Gradient {
             .par_iter_mut()
             .zip(sums)
             .zip(&self.inverse_shape);
-        points.for_each(|((value, sum), inverse)| {
+        points.for_all(|((value, sum), inverse)| {
             let entry = |r: usize, c: usize| match r < D && c < D {
                 true => sum[r * D + c],
                 false => 0.0,

@@ -8,6 +8,7 @@
 //! bonds that cross it.
 
 use nalgebra::Vector3;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::Reducer;
 use perimelt_core::{Body, Bond, Cut, Family, Setup, SetupError};
 use rayon::prelude::*;
@@ -376,7 +377,7 @@ impl Crossings {
         of_interface: impl Fn(Limit, [usize; 2]) -> f64 + Sync,
     ) {
         let limits = &self.limits;
-        self.bonds.par_iter_mut().for_each(|crossing| {
+        self.bonds.par_iter_mut().for_all(|crossing| {
             let ends = [crossing.point as usize, crossing.other as usize];
             let [own, other] = ends.map(|point| critical[point]);
             let passed = crossing.passed.iter().map(|p| critical[*p as usize]);

@@ -21,6 +21,7 @@
 //! that depends on that component alone.
 
 use perimelt_core::family::{Continuation, Folded, Image, Layout};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, BondKernel, BrokenBonds, Family, SlotField};
 use rayon::prelude::*;
 
@@ -235,7 +236,7 @@ impl LayerForces {
             rest = behind;
         }
         let sweep = parts.par_iter_mut().with_min_len(16);
-        sweep.for_each(|(owner, pulls, sum)| {
+        sweep.for_all(|(owner, pulls, sum)| {
             let own = &bonds[owner.bonds[0]..owner.bonds[1]];
             for (bond, store) in own.iter().zip(pulls.iter_mut()) {
                 let is_broken = broken.is_some_and(|b| b.is_broken(owner.point, bond.number));

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::reduce::are_equal;
 use perimelt_core::solver::{Dynamics, HalfKick, Reducer, SolverError, Verlet, VerletState};
 use perimelt_core::{Step, Work, World};
@@ -146,7 +147,7 @@ impl MechanicalRun {
         })[0];
         let components = velocity.par_iter_mut().zip(impulse).zip(inverse);
         let components = components.with_min_len(4096);
-        components.for_each(|((v, j), inverse)| *v += j * inverse);
+        components.for_all(|((v, j), inverse)| *v += j * inverse);
     }
 
     /// Stops components that are held anew or move, before they take the displacement at which they are held. Whether
@@ -172,7 +173,7 @@ impl MechanicalRun {
             let components = components.zip(velocity.par_iter_mut()).enumerate();
             let (density, count) = (&self.node_density, held.count);
             let components = components.with_min_len(4096);
-            components.for_each(|(n, (inverse, velocity))| {
+            components.for_all(|(n, (inverse, velocity))| {
                 let free = count[n] == 0.0 && density[n / 3] > 0.0;
                 *inverse = if free { 1.0 / density[n / 3] } else { 0.0 };
                 *velocity = if free { *velocity } else { 0.0 };
@@ -333,7 +334,7 @@ impl LoadsInForce<'_> {
         *self.has_before = !self.now.is_empty();
         let components = self.before.par_iter_mut().zip(self.now);
         let components = components.with_min_len(4096);
-        components.for_each(|(before, now)| *before = *now);
+        components.for_all(|(before, now)| *before = *now);
     }
 
     /// Half of the work of a body force that changes, `-1/2 sum V (b_1 - b_0) . u`, J: that at one end of the step. Zero if there
@@ -352,7 +353,7 @@ impl Dynamics for SolidDynamics<'_> {
         self.solid.set_displacement(u, self.rules);
         self.solid.evaluate(Wanted::force(force));
         let forces = force.par_iter_mut().zip(self.loads.now);
-        forces.with_min_len(4096).for_each(|(f, b)| *f += b);
+        forces.with_min_len(4096).for_all(|(f, b)| *f += b);
         self.solid
             .subtract_added_inertia(self.inverse_density, force);
         *self.external_force = None;

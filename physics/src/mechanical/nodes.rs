@@ -11,6 +11,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::Body;
 use perimelt_core::family::LayerRule;
+use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -135,7 +136,7 @@ impl HeldNodes<'_> {
         let given = self.count.par_iter().zip(self.sum);
         let components = displacement.par_iter_mut().zip(movement).zip(given);
         let components = components.with_min_len(4096);
-        components.for_each(|((u, movement), (count, sum))| {
+        components.for_all(|((u, movement), (count, sum))| {
             let before = *u;
             if *count > 0.0 {
                 *u = sum / count;

@@ -18,6 +18,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::{ByImage, Continuation, Mirrored};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, BondKernel, BrokenBonds, Family, Image, SlotField};
 use rayon::prelude::*;
 
@@ -280,7 +281,7 @@ impl StressFreeDisplacement {
             }
             family.sum_unbroken(&ScalarMoment, [&values[..]], broken, &mut sums);
             let points = sums.par_iter_mut().zip(inverse_shape).with_min_len(4096);
-            points.for_each(|(sum, inverse)| *sum = (inverse * Vector3::from(*sum)).into());
+            points.for_all(|(sum, inverse)| *sum = (inverse * Vector3::from(*sum)).into());
             let sums = &sums;
             let along = |axis: usize| move |point: usize| sums[point][axis];
             let of_image = |image: &Image| {

@@ -7,6 +7,7 @@
 use std::mem;
 
 use perimelt_core::body::Lattice;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Body, Face};
 use rayon::prelude::*;
 
@@ -222,7 +223,7 @@ pub(super) fn set_cells<T: Send>(values: &mut [T], of: impl Fn(usize) -> T + Syn
         }
     } else {
         let cells = values.par_iter_mut().enumerate().with_min_len(PARALLEL / 4);
-        cells.for_each(|(cell, value)| *value = of(cell));
+        cells.for_all(|(cell, value)| *value = of(cell));
     }
 }
 
@@ -235,7 +236,7 @@ pub(super) fn set_rows(values: &mut [f64], bonds: usize, of: impl Fn(usize, &mut
     } else {
         let cells = values.par_chunks_mut(bonds).enumerate();
         let cells = cells.with_min_len(PARALLEL / 4);
-        cells.for_each(|(cell, values)| of(cell, values));
+        cells.for_all(|(cell, values)| of(cell, values));
     }
 }
 

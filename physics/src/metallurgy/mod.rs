@@ -33,6 +33,7 @@ mod tests;
 pub mod transformation;
 
 use perimelt_core::material::{Table, ValueRange};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::plugin::load_points;
 use perimelt_core::{
     Key, LoadError, Physics, PhysicsReport, Prepared, Read, Report, RunError, RunningPhysics,
@@ -394,7 +395,7 @@ impl RunningPhysics for RunningMetallurgy {
         let steels = &self.steels;
         let points = self.points.par_iter_mut().zip(&mut *compliance);
         let points = points.zip(&temperature[..]).zip(material);
-        points.for_each(|(((point, compliance), temperature), material)| {
+        points.for_all(|(((point, compliance), temperature), material)| {
             let before = transformed(point);
             steels[*material as usize].follow(point, *temperature, step.size);
             *compliance += factor * (transformed(point) - before).max(0.0);

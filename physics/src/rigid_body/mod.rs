@@ -27,6 +27,7 @@ mod tests;
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::numbers::check_positive;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::Rigid;
 use perimelt_core::{
@@ -154,7 +155,7 @@ impl RunningRigidBody {
         let mut velocity = world.write(self.velocity);
         let points = displacement.par_iter_mut().zip(velocity.par_iter_mut());
         let points = points.enumerate().with_min_len(4096);
-        points.for_each(|(point, (u, v))| (*u, *v) = motion(point));
+        points.for_all(|(point, (u, v))| (*u, *v) = motion(point));
     }
 
     /// Displacement and orientation of the initial field `displacement`.

@@ -18,6 +18,7 @@ use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::{
     ByImage, ByRules, Continuation, ForeignBond, ForeignBonds, LayerRule, Mirrored, Places,
 };
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::pddo::largest_wave_number;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
@@ -318,7 +319,7 @@ impl CarriedHeat {
         };
         let all = (0..velocity.len()).into_par_iter();
         let all = all.with_min_len(POINTS_PER_TASK);
-        all.map(missing).collect_into_vec(&mut self.rate);
+        all.map(missing).fill(&mut self.rate);
         self.short_waves.clear();
         if self.rate.iter().all(|missing| *missing == 0.0) {
             return;
@@ -346,26 +347,26 @@ impl CarriedHeat {
     pub(super) fn add(&mut self, matter: &Matter<'_>, dt: f64, rates: &mut [[f64; 1]]) {
         let points = rates.par_iter_mut().zip(&self.short_waves);
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.for_each(|([rate], [short_waves])| *rate += short_waves);
+        points.for_all(|([rate], [short_waves])| *rate += short_waves);
         let mut temperature = std::mem::take(&mut self.middle_temperature);
         let mut enthalpy = std::mem::take(&mut self.middle_enthalpy);
         let points = self.start_enthalpy.par_iter().zip(matter.material);
         let points = points.with_min_len(POINTS_PER_TASK);
         let at = |(h, &m): (&f64, &u16)| matter.curves[m as usize].temperature(*h);
-        points.map(at).collect_into_vec(&mut temperature);
+        points.map(at).fill(&mut temperature);
         enthalpy.clear();
         enthalpy.extend_from_slice(&self.start_enthalpy);
         self.find_rate(matter, &temperature, &enthalpy);
         let points = enthalpy.par_iter_mut().zip(&*rates).zip(&self.rate);
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.for_each(|((h, [others]), carried)| *h += 0.5 * dt * (others + carried));
+        points.for_all(|((h, [others]), carried)| *h += 0.5 * dt * (others + carried));
         let points = enthalpy.par_iter().zip(matter.material);
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.map(at).collect_into_vec(&mut temperature);
+        points.map(at).fill(&mut temperature);
         self.find_rate(matter, &temperature, &enthalpy);
         let points = rates.par_iter_mut().zip(&self.rate);
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.for_each(|([rate], carried)| *rate += carried);
+        points.for_all(|([rate], carried)| *rate += carried);
         (self.middle_temperature, self.middle_enthalpy) = (temperature, enthalpy);
     }
 
@@ -391,7 +392,7 @@ impl CarriedHeat {
         let points = points.with_min_len(POINTS_PER_TASK);
         let rate =
             |([mass, heat], (h, density)): (&[f64; 2], (&f64, &f64))| (h * mass - heat) / density;
-        points.map(rate).collect_into_vec(&mut self.rate);
+        points.map(rate).fill(&mut self.rate);
     }
 
     /// Copies temperature and enthalpy to slots.

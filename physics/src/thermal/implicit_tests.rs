@@ -85,7 +85,9 @@ fn a_plate_cools_as_a_lumped_body_down_to_the_ambient_temperature() {
                 let thermal: Thermal = read(&keys);
                 let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(cooling)];
                 let body = plate(ALUMINIUM);
-                let mut s = simulation(body, vec![Box::new(thermal)], couplers, 1000.0);
+                // near the ambient temperature what may fail does so at once
+                let end = if start == 1000.0 { 1000.0 } else { 100.0 };
+                let mut s = simulation(body, vec![Box::new(thermal)], couplers, end);
                 set(&mut s, "temperature", |_| [start]);
                 s.start().expect("starts");
                 let what = format!("{solver}, {tolerance:e}, from {start} K");

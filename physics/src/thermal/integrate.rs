@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::cell::Ref;
 
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::reduce::{norm, sum_of, weighted_sum};
 use perimelt_core::solver::{
     Implicit, KrylovMethod, Newton, NewtonOptions, Rkl2, SolverError, steady_state,
@@ -166,7 +167,7 @@ impl Fields<'_> {
             points
                 .enumerate()
                 .with_min_len(4096)
-                .for_each(|(i, ((t, h), [rate]))| {
+                .for_all(|(i, ((t, h), [rate]))| {
                     (*t, *h) = content.advance(i, *t, *h, dt * rate);
                 });
         }
@@ -228,7 +229,7 @@ impl Fields<'_> {
         self.enthalpy.copy_from_slice(&state[..points]);
         let points = self.temperature.par_iter_mut().zip(&*self.enthalpy);
         let points = points.zip(matter.material);
-        points.for_each(|((t, h), &m)| *t = matter.curves[m as usize].temperature(*h));
+        points.for_all(|((t, h), &m)| *t = matter.curves[m as usize].temperature(*h));
         Ok(work)
     }
 }

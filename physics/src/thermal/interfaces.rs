@@ -16,6 +16,7 @@
 //! resistance of a layer thinner than the horizon is neglected by bonds that cross it.
 
 use perimelt_core::family::Mirrored;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
@@ -111,7 +112,7 @@ impl Interfaces {
         let point_in = family.points_of_slots();
         let at = |slot: usize| point_in.get(slot).map(|p| *p as usize);
         let all = self.distance.par_iter_mut().enumerate();
-        all.for_each(|(point, d)| *d = distance(family, points, point, at));
+        all.for_all(|(point, d)| *d = distance(family, points, point, at));
     }
 
     /// Finds the distances of the `changed` points of a growing family.

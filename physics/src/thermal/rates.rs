@@ -6,6 +6,7 @@
 //! integrates its account, and the balance holds to rounding.
 
 use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::reduce::{are_equal, norm, sum_points};
 use perimelt_core::solver::{At, Reducer, Rhs, SolverError};
 use rayon::prelude::*;
@@ -101,7 +102,7 @@ impl HeatFlow<'_> {
         out.resize(self.volume.len(), 0.0);
         let points = out.par_iter_mut().zip(enthalpy).zip(material);
         let points = points.with_min_len(4096);
-        points.for_each(|((out, h), &m)| *out = of(&curves[m as usize], *h));
+        points.for_all(|((out, h), &m)| *out = of(&curves[m as usize], *h));
     }
 
     /// Writes `flow + source` to `conduction.rate`, zero at held points; returns the power of sources and boundaries, W.
@@ -141,7 +142,7 @@ impl HeatFlow<'_> {
         let rate = &mut self.conduction.rate;
         if let Some(CurrentVolumes { ratio, .. }) = self.current {
             let points = rate.par_iter_mut().zip(ratio).with_min_len(4096);
-            points.for_each(|([r], ratio)| *r *= ratio);
+            points.for_all(|([r], ratio)| *r *= ratio);
         }
         match (&self.surface, &through) {
             (None, _) => {}
@@ -168,7 +169,7 @@ impl HeatFlow<'_> {
             rate.par_iter_mut()
                 .zip(source)
                 .with_min_len(4096)
-                .for_each(|([r], q)| *r += q);
+                .for_all(|([r], q)| *r += q);
         }
         if let Some((carried, dt)) = &mut self.carried {
             carried.add(&self.matter, *dt, rate);
@@ -239,7 +240,7 @@ impl Rhs for EnthalpyRate<'_> {
         } = self.0.matter;
         unknowns.copy_from_slice(state);
         let points = unknowns.par_iter_mut().zip(material).with_min_len(4096);
-        points.for_each(|(h, &m)| *h = curves[m as usize].combined(*h));
+        points.for_all(|(h, &m)| *h = curves[m as usize].combined(*h));
     }
 
     fn state(&self, unknowns: &[f64], state: &mut [f64], slope: &mut [f64]) {
@@ -249,7 +250,7 @@ impl Rhs for EnthalpyRate<'_> {
         state.copy_from_slice(unknowns);
         slope.fill(1.0);
         let points = state.par_iter_mut().zip(slope).zip(material);
-        points.with_min_len(4096).for_each(|((h, slope), &m)| {
+        points.with_min_len(4096).for_all(|((h, slope), &m)| {
             (*h, *slope) = curves[m as usize].from_combined(*h);
         });
     }
@@ -275,7 +276,7 @@ impl Rhs for EnthalpyRate<'_> {
         base.change.resize(points, 0.0);
         let change = base.change.par_iter_mut().zip(direction);
         let change = change.zip(&base.capacity).with_min_len(4096);
-        change.for_each(|((change, v), capacity)| *change = v / capacity);
+        change.for_all(|((change, v), capacity)| *change = v / capacity);
         if let Some(power) = (self.0).change(&base.change, &base.gains) {
             out[points] = power;
             if let Some(surface) = &self.0.surface {
@@ -294,7 +295,7 @@ impl Rhs for EnthalpyRate<'_> {
             let e = f64::EPSILON.sqrt() * norm(&base.temperature) / norm(&base.change);
             let moved = base.change.par_iter_mut().zip(&base.temperature);
             let moved = moved.with_min_len(4096);
-            moved.for_each(|(change, t)| *change = t + e * *change);
+            moved.for_all(|(change, t)| *change = t + e * *change);
             out[points] = (flow.evaluate(&base.change) - base.rate[points]) / e;
             if let Some(surface) = &flow.surface {
                 let powers = &mut out[points + 1..];
@@ -304,7 +305,7 @@ impl Rhs for EnthalpyRate<'_> {
             }
             let rates = flow.conduction.rate.par_iter().zip(&base.rate);
             let rates = out.par_iter_mut().zip(rates).with_min_len(4096);
-            rates.for_each(|(out, ([rate], base))| *out = (rate - base) / e);
+            rates.for_all(|(out, ([rate], base))| *out = (rate - base) / e);
         }
         self.0.vectors.base = base;
         Ok(true)

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use nalgebra::Vector3;
 use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::world::refinement::Level;
 use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
 use perimelt_core::{BrokenBonds, Family, FamilyHandle, Read, World};
@@ -230,7 +231,7 @@ impl RunningThermal {
             } else {
                 let points: Vec<u32> = (0..material.len() as u32).collect();
                 let found = points.par_iter().map(|p| [find(p)]);
-                found.collect_into_vec(sums);
+                found.fill(sums);
             }
             growth.row_sums_of = Some(family.version());
             return;

@@ -24,6 +24,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::{ByRules, LayerRule};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Family, SlotField};
 use rayon::prelude::*;
 
@@ -134,7 +135,7 @@ impl OrdinaryState {
             let least = moment.symmetric_eigenvalues().min();
             moment.try_inverse().filter(|_| least > LEAST_MOMENT)
         });
-        inverse.collect_into_vec(&mut self.inverse);
+        inverse.fill(&mut self.inverse);
     }
 
     /// Largest ratio of the potential of a point to the potential of its bonds, by which the stable step is divided.
@@ -164,7 +165,7 @@ impl OrdinaryState {
         let s = self.stabilisation;
         points
             .enumerate()
-            .for_each(|(i, (((state, slope), inverse), k))| {
+            .for_all(|(i, (((state, slope), inverse), k))| {
                 let Some(inverse) = inverse else {
                     *state = [0.0; 3];
                     return;

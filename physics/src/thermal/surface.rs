@@ -15,6 +15,7 @@
 use std::rc::Rc;
 
 use perimelt_core::body::SurfaceCell;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::{ExactSum, Reducer};
 use perimelt_core::world::exchange::{Exchange, SurfaceDepth, SurfaceLaw};
 use perimelt_core::world::{BodyIndex, SurfaceDepths};
@@ -254,7 +255,7 @@ impl Surface {
         let laws: Vec<&dyn SurfaceLaw> = borrowed.iter().map(|law| &**law).collect();
         let (parts, is_linear) = (&self.parts[..], self.is_linear);
         let faces = self.fluxes.par_iter_mut().zip(&self.faces);
-        faces.with_min_len(512).for_each(|(flux, face)| {
+        faces.with_min_len(512).for_all(|(flux, face)| {
             let half = HalfCell::of(face, points);
             *flux = balance(face.parts(parts), &laws, is_linear, &half);
         });

@@ -22,10 +22,31 @@ struct BondGroup<'a> {
 }
 
 impl SlotPlaces {
-    /// The sum of a row of a cloud, [`ROW_LANES`] bonds at a time. The loop for rows without broken bonds is compiled only
-    /// where speed matters (`FAST`).
+    /// The sum of a row of a cloud, bond by bond, with the bits of [`SlotPlaces::sum_row`].
+    pub(super) fn sum_bonds<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: &[&[f64]; I],
+        rows: &Rows,
+        row: usize,
+        broken: Bits<'_>,
+    ) -> [f64; O] {
+        let own = inputs_at(inputs, rows.slot[row] as usize);
+        let mut sums = [[0.0; ROW_LANES]; O];
+        self.for_each_bond(rows, row, &mut |number, bond, other| {
+            if !broken.is_broken(number) {
+                let part = kernel.bond(bond, own, inputs_at(inputs, other));
+                for (sums, part) in sums.iter_mut().zip(part) {
+                    sums[number % ROW_LANES] += part;
+                }
+            }
+        });
+        total_of_lanes(&sums)
+    }
+
+    /// The sum of a row of a cloud, [`ROW_LANES`] bonds at a time.
     #[inline(always)]
-    pub(super) fn sum_row<const I: usize, const O: usize, const FAST: bool>(
+    pub(super) fn sum_row<const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
         inputs: &[&[f64]; I],
@@ -38,12 +59,10 @@ impl SlotPlaces {
         let mut first = start;
         let mut sums = [[0.0; ROW_LANES]; O];
         let all = |_| true;
-        if const { FAST } {
-            while first + ROW_LANES <= end && !broken.any() {
-                let group = BondGroup { rows, slot, first };
-                self.add_bonds::<I, O, true>(kernel, inputs, group, all, &mut sums);
-                first += ROW_LANES;
-            }
+        while first + ROW_LANES <= end && !broken.any() {
+            let group = BondGroup { rows, slot, first };
+            self.add_bonds::<I, O, true>(kernel, inputs, group, all, &mut sums);
+            first += ROW_LANES;
         }
         let counts = |bond| bond < end && !broken.is_broken(bond - start);
         while first < end {
@@ -122,7 +141,7 @@ pub(super) fn sweep_cloud<const I: usize, const O: usize>(
     for row in chunk.rows.clone() {
         let point = rows.point[row] as usize;
         let (values, bits) = (inputs.values, inputs.bits(point));
-        let sum = places.sum_row::<I, O, true>(kernel, values, rows, row, bits);
+        let sum = places.sum_row(kernel, values, rows, row, bits);
         // SAFETY: rows are those of points of the family, for each of which `output` has sums, and no other chunk
         // contains them.
         unsafe { output.set(point, sum) }

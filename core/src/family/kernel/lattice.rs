@@ -1,9 +1,9 @@
 //! The sweep of lattices: consecutive points advance together through the shared stencil, with their sums in registers;
 //! each bond costs one load of each input per point.
 
-use super::{Bond, BondKernel, Output, SweepInputs};
+use super::{Bits, Bond, BondKernel, Output, SweepInputs, add, inputs_at};
 use crate::family::blocks::Weights;
-use crate::family::{Chunk, Family, StencilBond, StencilBonds};
+use crate::family::{Chunk, Family, Stencil, StencilBond, StencilBonds};
 
 /// Points that advance together: two AVX-512 or four AVX2 registers.
 const LANES: usize = 16;
@@ -52,12 +52,6 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
     // SAFETY: points of a chunk are points of the family, for each of which `output` has sums, and no other chunk
     // contains them.
     let set = |point: usize, sum: [f64; O]| unsafe { output.set(point, sum) };
-    let set_alone = |point: usize| {
-        set(
-            point,
-            family.sum_bonds(kernel, values, point, inputs.bits(point)),
-        )
-    };
     let stencil = &bonds.stencil.bonds[..];
     for run in &bonds.runs[chunk.runs.clone()] {
         let (slot, point, len) = (run.slot as usize, run.point as usize, run.len as usize);
@@ -76,8 +70,12 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
                     set(point, sum);
                 }
             } else {
-                for point in points {
-                    set_alone(point);
+                for (point, slot) in points.zip(slot + first..) {
+                    let bits = inputs.bits(point);
+                    set(
+                        point,
+                        bonds.stencil.sum_complete(kernel, values, slot, bits),
+                    );
                 }
             }
             done = first + LANES;
@@ -97,9 +95,32 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
             }
         } else {
             for point in points {
-                set_alone(point);
+                let bits = inputs.bits(point);
+                set(point, family.sum_bonds(kernel, values, point, bits));
             }
         }
+    }
+}
+
+impl Stencil {
+    /// The sum of a point with a complete family, bond by bond. Compiled once.
+    #[inline(never)]
+    pub(super) fn sum_complete<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: &[&[f64]; I],
+        slot: usize,
+        broken: Bits<'_>,
+    ) -> [f64; O] {
+        let own = inputs_at(inputs, slot);
+        let mut sums = [0.0; O];
+        for (number, StencilBond { offset, bond }) in self.bonds.iter().enumerate() {
+            if !broken.is_broken(number) {
+                let other = inputs_at(inputs, slot.wrapping_add_signed(*offset));
+                add(&mut sums, kernel.bond(bond, own, other));
+            }
+        }
+        sums
     }
 }
 

@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 
+use crate::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::broken::Bits;
@@ -168,7 +169,7 @@ fn add<const O: usize>(sums: &mut [f64; O], part: [f64; O]) {
 /// Calls `sweep` with each of `parts` on all threads. The call is dynamic, so that the distribution is compiled once and
 /// not for every kernel; it costs nothing compared with a part.
 fn for_each<T: Sync>(parts: &[T], sweep: &(dyn Fn(&T) + Sync)) {
-    parts.par_iter().for_each(sweep);
+    parts.par_iter().for_all(sweep);
 }
 
 impl Family {
@@ -272,7 +273,7 @@ impl Family {
         for (block, points) in self.layer_rows.point.chunks(sums.len()).enumerate() {
             let first = block * sums.len();
             let rows = sums.par_iter_mut().zip(first..first + points.len());
-            rows.with_min_len(128).for_each(|(sums, row)| {
+            rows.with_min_len(128).for_all(|(sums, row)| {
                 *sums = self.sum_row(kernel, &inputs, &self.layer_rows, row, Bits::NONE);
             });
             let points = points.iter().zip(&sums);
@@ -324,9 +325,10 @@ impl Family {
         kernel: &impl BondKernel<I, O>,
         inputs: &[&[f64]; I],
     ) -> Option<[f64; O]> {
-        let first = self.store.stencil_bonds()?.runs.first()?;
-        self.are_uniform(inputs, first.slot as usize)
-            .then(|| self.sum_bonds(kernel, inputs, first.point as usize, Bits::NONE))
+        let StencilBonds { stencil, runs, .. } = self.store.stencil_bonds()?;
+        let slot = runs.first()?.slot as usize;
+        self.are_uniform(inputs, slot)
+            .then(|| stencil.sum_complete(kernel, inputs, slot, Bits::NONE))
     }
 
     /// Whether each input is at all points and ghosts what it is in slot `first`. Compiled once and not for every kernel.
@@ -373,11 +375,16 @@ impl Family {
                     }
                 }
                 for run in &bonds.runs[chunk.runs.clone()] {
-                    for point in run.points() {
-                        match common {
-                            Some(sums) if inputs.is_whole(point..point + 1) => set(point, sums),
-                            _ => alone(point),
-                        }
+                    for (point, slot) in run.points().zip(run.slot as usize..) {
+                        let bits = inputs.bits(point);
+                        let sum = common.filter(|_| !bits.any());
+                        let stencil = &bonds.stencil;
+                        set(
+                            point,
+                            sum.unwrap_or_else(|| {
+                                stencil.sum_complete(kernel, inputs.values, slot, bits)
+                            }),
+                        );
                     }
                 }
             }
@@ -390,7 +397,7 @@ impl Family {
         }
     }
 
-    /// The sum of one point, bond by bond: compiled once, for points beside cracks and rare kernels.
+    /// The sum of one point, bond by bond: compiled once, for incomplete families beside cracks and of rare kernels.
     #[inline(never)]
     fn sum_bonds<const I: usize, const O: usize>(
         &self,
@@ -474,7 +481,7 @@ impl Family {
         let stencil = match &self.store {
             Store::Cloud(cloud) | Store::Moving(cloud, _) => {
                 let places = &cloud.places;
-                return places.sum_row::<I, O, false>(kernel, inputs, rows, row, broken);
+                return places.sum_bonds(kernel, inputs, rows, row, broken);
             }
             Store::Lattice(StencilBonds { stencil, .. }, _)
             | Store::Growing(StencilBonds { stencil, .. }, _)
@@ -482,7 +489,7 @@ impl Family {
         };
         let own = inputs_at(inputs, rows.slot[row] as usize);
         let mut sums = [0.0; O];
-        stencil.for_each_bond(rows, row, |number, bond, other| {
+        stencil.for_each_bond(rows, row, &mut |number, bond, other| {
             if !broken.is_broken(number) {
                 add(&mut sums, kernel.bond(bond, own, inputs_at(inputs, other)));
             }

@@ -1,6 +1,7 @@
 //! Krylov methods on chains, rings and diagonals with known answers.
 
 use super::*;
+use crate::parallel::ParallelLoop;
 use crate::solver::reduce::sum;
 use rayon::prelude::*;
 
@@ -15,7 +16,7 @@ type Outcome = Result<(), SolverError>;
 /// `-y_(i-1) + (2 + shift) y_i - (1 + wind) y_(i+1)` with zero beyond the ends.
 fn chain(shift: f64, wind: f64) -> impl Fn(&[f64], &mut [f64]) -> Outcome + Sync + Copy {
     move |x, out| {
-        out.par_iter_mut().enumerate().for_each(|(i, out)| {
+        out.par_iter_mut().enumerate().for_all(|(i, out)| {
             let left = if i == 0 { 0.0 } else { x[i - 1] };
             let right = x.get(i + 1).copied().unwrap_or(0.0);
             *out = (2.0 + shift) * x[i] - left - (1.0 + wind) * right;

@@ -12,6 +12,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::{ByRules, LayerRule, Mirrored};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::pddo::second;
 use perimelt_core::{Derivatives, Pddo, SlotField};
 use rayon::prelude::*;
@@ -93,7 +94,7 @@ impl CarriedFlow {
         let middle = |(i, rho): (usize, &f64)| rho + 0.5 * dt * (diffusion(i) - divergence[i]);
         let points = density.par_iter().enumerate();
         let points = points.with_min_len(POINTS_PER_TASK).map(middle);
-        points.collect_into_vec(&mut self.middle_density);
+        points.fill(&mut self.middle_density);
         let middle = &self.middle_density[..];
         self.density.load(family, middle, Mirrored::Scalar);
         self.mass.find(pddo, work, velocity, Some(&self.density));
@@ -123,7 +124,7 @@ impl CarriedFlow {
         };
         let points = self.slot.par_iter().enumerate();
         let points = points.with_min_len(POINTS_PER_TASK).map(missing);
-        points.collect_into_vec(&mut self.missing);
+        points.fill(&mut self.missing);
         if self.missing.iter().all(|missing| *missing == 0.0) {
             return self.short_waves.iter_mut().for_each(ShortWaves::vanish);
         }
@@ -138,7 +139,7 @@ impl CarriedFlow {
         let points = flux.par_iter_mut().zip(&self.slot);
         points
             .with_min_len(POINTS_PER_TASK)
-            .for_each(|(flux, slot)| *flux = self.mass.at(*slot as usize));
+            .for_all(|(flux, slot)| *flux = self.mass.at(*slot as usize));
     }
 
     /// Rate at which the momentum of short waves along an axis decays, N/m³.

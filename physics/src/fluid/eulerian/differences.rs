@@ -1,6 +1,7 @@
 //! Rates by derivatives of second order at points through which the fluid flows.
 
 use nalgebra::Vector3;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::SolverError;
 use perimelt_core::{Family, SlotField};
 use rayon::prelude::*;
@@ -135,7 +136,7 @@ impl Rates for EulerianDifferences {
             .set_momentum(&mut operator, &self.middle_velocity, terms.rules);
         let time = time * terms.acceleration_fraction;
         let points = velocity.par_iter_mut().enumerate();
-        points.with_min_len(POINTS_PER_TASK).for_each(|(i, v)| {
+        points.with_min_len(POINTS_PER_TASK).for_all(|(i, v)| {
             let others = self.acceleration[i];
             for a in 0..dimension {
                 let carried = self.carried.force(i, a, v[a]) / density[i];

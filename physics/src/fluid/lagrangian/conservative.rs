@@ -27,6 +27,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use perimelt_core::family::{Mirrored, Rising};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::pddo::largest_wave_number;
 use perimelt_core::solver::SolverError;
 use perimelt_core::{Body, BondKernel, Family, SlotField, World};
@@ -166,7 +167,7 @@ impl Conservative {
         let found = self.surveyed.par_iter_mut().zip(&*sums);
         found
             .with_min_len(POINTS_PER_TASK)
-            .for_each(|(found, sums)| {
+            .for_all(|(found, sums)| {
                 let slopes = &sums[SurveySums::<D>::SLOPES..];
                 let shape = &sums[..SurveySums::<D>::SLOPES];
                 let (inverse, is_complete) = inverted::<D>(shape, complete.moment);
@@ -369,7 +370,7 @@ impl Rates for Conservative {
         let medium = terms.medium;
         let points = density.par_iter_mut().zip(pressure).zip(&self.surveyed);
         let points = points.enumerate().with_min_len(POINTS_PER_TASK);
-        points.for_each(|(i, ((rho, p), found))| {
+        points.for_all(|(i, ((rho, p), found))| {
             let before = *rho;
             let mut rate = -before * found.divergence;
             if terms.density_diffusion > 0.0 {
@@ -395,7 +396,7 @@ impl Rates for Conservative {
         let push = self.push.par_chunks_exact(dimension);
         let points = velocity.par_iter_mut().zip(push).zip(&self.surveyed);
         let points = points.enumerate().with_min_len(POINTS_PER_TASK);
-        points.for_each(|(i, ((v, push), found))| {
+        points.for_all(|(i, ((v, push), found))| {
             // momentum is conserved with the density that belongs to the volumes of the sums
             let density = self.density[self.family.slot_of(i)];
             for a in 0..dimension {

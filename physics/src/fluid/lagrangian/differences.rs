@@ -1,6 +1,7 @@
 //! Rates by derivatives of second order at points that carry their mass.
 
 use nalgebra::Vector3;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::SolverError;
 use perimelt_core::{Family, PddoError, SlotField};
 use rayon::prelude::*;
@@ -61,7 +62,7 @@ impl LagrangianDifferences {
     ) {
         let time = time * terms.acceleration_fraction;
         let points = velocity.par_iter_mut().enumerate();
-        points.with_min_len(POINTS_PER_TASK).for_each(|(i, v)| {
+        points.with_min_len(POINTS_PER_TASK).for_all(|(i, v)| {
             *v += time * self.core.acceleration::<D>(terms, i, density[i], None);
             if let Some(surface) = &self.surface {
                 *v += time * surface.acceleration[i];

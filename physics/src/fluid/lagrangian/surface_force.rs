@@ -17,6 +17,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 use perimelt_core::family::{ByRules, LayerRule, Mirrored};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::world::WallPlace;
 use perimelt_core::{
     Body, Bond, BondKernel, Derivatives, Face, Family, Pddo, SlotField, TensionLaw,
@@ -192,7 +193,7 @@ impl SurfaceForce {
         let mut acceleration = std::mem::take(&mut self.acceleration);
         let factor = 2.0 / self.pair.density.iter().sum::<f64>();
         let points = acceleration.par_iter_mut().enumerate();
-        points.with_min_len(POINTS_PER_TASK).for_each(|(i, a)| {
+        points.with_min_len(POINTS_PER_TASK).for_all(|(i, a)| {
             let normal = &self.normal[i];
             let now = temperature.map_or(0.0, |t| t[i]);
             let mut force = -self.tension.value(now) * self.curvature[i] * normal;
@@ -214,7 +215,7 @@ impl SurfaceForce {
         let mut normal = std::mem::take(&mut self.normal);
         let points = normal.par_iter_mut().zip(position).enumerate();
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.for_each(|(i, (normal, place))| {
+        points.for_all(|(i, (normal, place))| {
             *normal = match self.is_at_interface(i) {
                 true => self.at_walls(self.step(i).normalize(), place),
                 false => Vector3::zeros(),
@@ -233,7 +234,7 @@ impl SurfaceForce {
             slots.load(family, along, ByRules(&self.rules, axis));
             let each = slots.par_iter_mut().zip(&self.selected[..]);
             let each = each.with_min_len(POINTS_PER_TASK);
-            each.for_each(|(along, selected)| *along *= selected);
+            each.for_all(|(along, selected)| *along *= selected);
         }
         self.normal = normal;
     }
@@ -264,7 +265,7 @@ impl SurfaceForce {
         let (normal, edges) = (&self.normal, &self.edges);
         let points = self.curvature.par_iter_mut().zip(&self.shares).enumerate();
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.for_each(|(i, (curvature, [selected, all]))| {
+        points.for_all(|(i, (curvature, [selected, all]))| {
             // neighbours outside of the interface have no normal
             let missing = normal[i].dot(&row(edges, dimension, i));
             *curvature = match *selected > 0.0 {

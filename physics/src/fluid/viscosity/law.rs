@@ -9,6 +9,7 @@ use std::fmt::Debug;
 use perimelt_core::SetupError;
 use perimelt_core::law::{Constant, Constants, LawFacts};
 use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -106,7 +107,7 @@ impl<L: ViscosityLaw> ViscositySweep for L {
         let values = viscosity.par_iter_mut().zip(points.material).enumerate();
         values
             .with_min_len(POINTS_PER_TASK)
-            .for_each(|(i, (value, &m))| {
+            .for_all(|(i, (value, &m))| {
                 let mut constants = [0.0; MOST_CONSTANTS];
                 let constants = &mut constants[..L::CONSTANTS.len()];
                 let (temperature, liquid) = points.temperature.map_or((0.0, 0.0), |(t, curves)| {

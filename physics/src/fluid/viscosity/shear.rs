@@ -4,6 +4,7 @@
 //! `L = sum w (v_j - v_i) xi^T V_j A^-1`, `A = sum w xi xi^T V_j`. Behind faces the velocity continues as viscous forces take it.
 //! Bodies that are walls do not take part: beside them it is that of the points of the fluid.
 
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
@@ -77,7 +78,7 @@ impl ShearRates {
         let points = self.value.par_iter_mut().zip(&*sums);
         points
             .with_min_len(POINTS_PER_TASK)
-            .for_each(|(value, sums)| *value = shear_rate::<D>(sums));
+            .for_all(|(value, sums)| *value = shear_rate::<D>(sums));
     }
 }
 

@@ -18,6 +18,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 use perimelt_core::family::{ForeignBond, ForeignBonds, ForeignGhost, Places};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Access, Setup, World, Write, keys};
 use rayon::prelude::*;
@@ -59,7 +60,7 @@ impl NormalField {
     pub(crate) fn set(&self, world: &World, interface: &Interface<'_>) {
         let mut normals = world.write(self.field);
         let points = normals.par_iter_mut().enumerate();
-        points.for_each(|(point, normal)| *normal = interface.normal(point));
+        points.for_all(|(point, normal)| *normal = interface.normal(point));
     }
 }
 

@@ -1,6 +1,7 @@
 //! Stresses and energies of the points.
 
 use nalgebra::Matrix3;
+use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::Correspondence;
@@ -48,7 +49,7 @@ impl Correspondence {
         let (gradient, finite) = (&self.gradient, self.base.elastic.finite);
         let points = (0..self.force_state.len()).into_par_iter();
         let values = points.map(|i| gradient.elastic(i, finite));
-        values.collect_into_vec(&mut self.elastic_gradient);
+        values.fill(&mut self.elastic_gradient);
     }
 
     pub(super) fn evaluate_stress(&mut self) {

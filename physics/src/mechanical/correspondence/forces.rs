@@ -2,6 +2,7 @@
 
 use nalgebra::Matrix3;
 use perimelt_core::family::ByImage;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, Image, SlotField};
 use rayon::prelude::*;
 
@@ -63,7 +64,7 @@ impl Correspondence {
     pub(super) fn add_spring_forces(&self, out: &mut [f64]) {
         let (forces, _) = out.as_chunks_mut::<3>();
         let points = forces.par_iter_mut().zip(&self.spring_forces);
-        points.with_min_len(4096).for_each(|(force, springs)| {
+        points.with_min_len(4096).for_all(|(force, springs)| {
             (0..self.base.dimension).for_each(|axis| force[axis] += springs[axis]);
         });
     }
@@ -165,7 +166,7 @@ impl Correspondence {
             StrainKind::Change => law(i).map(|points| points.about[i]),
             StrainKind::Elastic | StrainKind::Total => None,
         };
-        states.par_iter_mut().enumerate().for_each(|(i, state)| {
+        states.par_iter_mut().enumerate().for_all(|(i, state)| {
             let strained = Strained {
                 point: i,
                 mirror: [1.0; 3],

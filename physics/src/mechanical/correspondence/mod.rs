@@ -28,6 +28,7 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use perimelt_core::family::{AxisPlane, ByImage, LayerRule, Mirrored};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::largest_eigenvalue;
 use perimelt_core::{Body, Bond, Family, Image, SlotField};
 use rayon::prelude::*;
@@ -299,7 +300,7 @@ impl Solid for Correspondence {
         };
         self.load_force_state(strain, false);
         self.sum_forces(out);
-        out.par_iter_mut().for_each(|f| *f = -*f);
+        out.par_iter_mut().for_all(|f| *f = -*f);
     }
 
     fn blocks(&mut self) -> &[[f64; 6]] {

@@ -11,6 +11,7 @@
 //! moments are kept. Motion is stable if `dt²/4` times the stiffness without K'' is no more than M (docs/theory/laminates.md, "Stable step and equilibrium").
 
 use nalgebra::{DMatrix, DVector};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::reduce::sum_points;
 use rayon::prelude::*;
 
@@ -232,7 +233,7 @@ impl AddedInertia {
             force,
             components,
         };
-        pieces.enumerate().for_each(|(piece, (forces, rows))| {
+        pieces.enumerate().for_all(|(piece, (forces, rows))| {
             for (lane, forces) in forces.chunks_mut(inner).enumerate() {
                 column.solve((piece * of_piece + lane) * LANES, rows, forces);
             }
@@ -241,7 +242,7 @@ impl AddedInertia {
         for (layer, of_layer) in layers {
             let of_differences = layer.saturating_sub(2)..inner.min(layer + 1);
             let lanes = of_layer.par_chunks_mut(LANES).zip(forces.par_chunks(inner));
-            lanes.with_min_len(128).for_each(|(out, forces)| {
+            lanes.with_min_len(128).for_all(|(out, forces)| {
                 for n in of_differences.clone() {
                     let scale = self.inverse_thickness[layer] * self.differences[n][layer - n];
                     for (out, force) in out.iter_mut().zip(&forces[n]) {

@@ -1,6 +1,7 @@
 //! Forces, stresses and energies of a laminate.
 
 use perimelt_core::family::{AxisPlane, BrokenBonds, Mirrored};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{BondKernel, Family};
 use rayon::prelude::*;
 
@@ -91,7 +92,7 @@ pub(super) fn sum_parts<const O: usize, K: BondKernel<INPUTS, O>>(
         let added = bytemuck::cast_slice_mut(added);
         plane.sum_unbroken(&kernel(part.bonds), part.inputs, part.broken, added);
         let both = sums.par_iter_mut().zip(&*added).with_min_len(4096);
-        both.for_each(|(sums, added): (&mut [f64; O], &[f64; O])| {
+        both.for_all(|(sums, added): (&mut [f64; O], &[f64; O])| {
             (0..O).for_each(|n| sums[n] += added[n]);
         });
     }
@@ -181,7 +182,7 @@ impl Laminate {
             let across = self.pull_across(number, strained);
             let both = lower.zip(&mut upper[..points]).zip(&self.work.pairs);
             both.enumerate()
-                .for_each(|(point, ((lower, upper), force))| {
+                .for_all(|(point, ((lower, upper), force))| {
                     let across = across(point);
                     for axis in 0..3 {
                         lower[axis] += thickness[0] * (force[axis] + across[axis]);
@@ -197,7 +198,7 @@ impl Laminate {
         let mut sums = std::mem::take(&mut self.work.pairs);
         let across = self.pull_across(number, strained);
         let each = sums.par_iter_mut().enumerate().with_min_len(4096);
-        each.for_each(|(point, force)| {
+        each.for_all(|(point, force)| {
             let across = across(point);
             for axis in 0..3 {
                 force[axis] += across[axis];

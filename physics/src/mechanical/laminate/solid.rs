@@ -3,6 +3,7 @@
 use nalgebra::Matrix3;
 use perimelt_core::Body;
 use perimelt_core::family::{AxisPlane, LayerRule, Mirrored};
+use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::Laminate;
@@ -44,7 +45,7 @@ impl Laminate {
         let elastic = &self.base.elastic;
         self.strain.resize(self.displacement.len(), [0.0; 6]);
         let strains = self.strain.par_iter_mut().enumerate();
-        strains.for_each(|(point, strain)| {
+        strains.for_all(|(point, strain)| {
             *strain = elastic.prescribed.get(point).copied().unwrap_or_default();
             let isotropic = elastic.eigenstrain[point];
             strain[..3].iter_mut().for_each(|e| *e += isotropic);
@@ -118,7 +119,7 @@ impl Solid for Laminate {
             }
         }
         let nodes = nodes.par_iter().copied().with_min_len(4096);
-        nodes.collect_into_vec(&mut self.displacement);
+        nodes.fill(&mut self.displacement);
     }
 
     fn deformation(&mut self) -> Deformation<'_> {

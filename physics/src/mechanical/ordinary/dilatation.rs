@@ -2,6 +2,7 @@
 
 use nalgebra::Matrix3;
 use perimelt_core::family::{ByImage, Continuation, Image};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::world::RemotePoints;
 use perimelt_core::{Body, BrokenBonds, Correction, Family};
 use rayon::prelude::*;
@@ -155,7 +156,7 @@ impl Dilatation {
             (false, false) => inputs.sum::<3, 4>(&Expansion::<FINITE>, broken, parts),
         });
         let sums = sums.par_iter_mut().zip(parts).with_min_len(4096);
-        sums.for_each(|(sum, [x, y, z, eigenstrain])| *sum = [*x + *y + *z - *eigenstrain]);
+        sums.for_all(|(sum, [x, y, z, eigenstrain])| *sum = [*x + *y + *z - *eigenstrain]);
     }
 
     /// Loads the pressure of the dilatation that was summed last.
@@ -168,7 +169,7 @@ impl Dilatation {
     ) {
         let (normaliser, sums) = (&self.normaliser, &self.sums);
         let pressures = self.pressure.par_iter_mut().enumerate();
-        pressures.for_each(|(i, pressure)| {
+        pressures.for_all(|(i, pressure)| {
             *pressure = law.pressure(i, normaliser[i], sums[i][0], law.inelastic(i));
         });
         let bent = continuation.is_bent();

@@ -1,5 +1,6 @@
 //! Forces of the bonds, and the breaking of bonds.
 
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, BondKernel};
 use rayon::prelude::*;
 
@@ -127,7 +128,7 @@ impl<L: BondForce> Ordinary<L> {
                     Inputs::with_change,
                     out,
                 );
-                out.par_iter_mut().for_each(|f| *f = -*f);
+                out.par_iter_mut().for_all(|f| *f = -*f);
             }
             Sum::Stiffness => self.sum_kernel::<D>(&Stiffness(self.law), out),
             Sum::Tangent => {

@@ -38,6 +38,7 @@ mod zero_stress;
 
 use nalgebra::{Matrix3, Matrix6, Vector6};
 use perimelt_core::law::{Constants, Law, StateVariable};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Body, SetupError};
 use rayon::prelude::*;
 
@@ -143,7 +144,7 @@ impl Plasticity {
         points
             .zip(material)
             .enumerate()
-            .for_each(|(i, (values, &m))| {
+            .for_all(|(i, (values, &m))| {
                 let temperature = temperature.map_or(0.0, |t| t[i]);
                 self.constants.load(m as usize, temperature, 0.0, values);
                 if let Some((strength, given)) = given {

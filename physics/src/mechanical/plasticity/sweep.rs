@@ -3,6 +3,7 @@
 use nalgebra::{Matrix6, Vector6};
 use perimelt_core::SetupError;
 use perimelt_core::law::{Constant, StateVariable};
+use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::law::{EquivalentStrain, FlowPoint};
@@ -132,7 +133,7 @@ impl<R: FlowRule> FlowSweep for R {
     ) {
         let (state, count) = (conditions.stress_state, R::CONSTANTS.len());
         let all = states.try_from_settled().enumerate();
-        all.for_each(|(i, (settled, tried))| {
+        all.for_all(|(i, (settled, tried))| {
             let elastic = points
                 .law(i)
                 .with_inelastic(state, settled.inelastic.strain);

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::law::{Constants, StateVariable, VariableShape};
 use perimelt_core::orientation::PointAxes;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Body, Step};
 use rayon::prelude::*;
 
@@ -125,7 +126,7 @@ impl LawPoints {
             .values
             .par_chunks_exact_mut(self.law.constants().len().max(1));
         let points = points.zip(&body.material_of_point).enumerate();
-        points.for_each(|(i, (values, &m))| {
+        points.for_all(|(i, (values, &m))| {
             let temperature = temperature.map_or(0.0, |t| t[i]);
             self.constants.load(m as usize, temperature, 0.0, values);
         });
@@ -188,7 +189,7 @@ impl LawPoints {
         }
         let mut states = std::mem::take(&mut self.states);
         let points = states.try_from_settled().enumerate();
-        points.for_each(|(i, (settled, tried))| {
+        points.for_all(|(i, (settled, tried))| {
             tried.copy_from_slice(settled);
             if !gradient.is_loose(i) {
                 let h = gradient.elastic(i, elastic.finite);

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use perimelt_core::body::{Lattice, NO_POINT};
 use perimelt_core::family::LayerRule;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Body, Face};
 use rayon::prelude::*;
 
@@ -135,7 +136,7 @@ impl Corners {
         let (corners, _) = corners.as_chunks::<3>();
         let factor = 1.0 / self.of_cell() as f64;
         let all = points.par_iter_mut().enumerate().with_min_len(1024);
-        all.for_each(|(point, mean)| {
+        all.for_all(|(point, mean)| {
             *mean = Vector3::zeros();
             for &corner in self.of(point) {
                 *mean += Vector3::from(corners[corner as usize]);
@@ -200,7 +201,7 @@ impl Corners {
         out.resize(3 * self.points.len(), 0.0);
         let (corners, _) = out.as_chunks_mut::<3>();
         let all = corners.par_iter_mut().enumerate().with_min_len(1024);
-        all.for_each(|(corner, sum)| {
+        all.for_all(|(corner, sum)| {
             *sum = [0.0; 3];
             for (number, point) in self.around(corner, present) {
                 for (axis, sum) in sum.iter_mut().enumerate() {

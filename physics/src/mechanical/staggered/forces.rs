@@ -1,6 +1,7 @@
 //! Forces of the cells on their corners, their tangent, and stresses and energies of the points.
 
 use nalgebra::Matrix3;
+use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::super::classical::Point;
@@ -18,7 +19,7 @@ impl<const D: usize> Staggered<D> {
         let values = self.gradient.cells_mut();
         let points = self.states.par_iter_mut().zip(values).zip(corners);
         let points = points.zip(spring).with_min_len(CHUNK);
-        points.for_each(|(((state, (value, is_loose)), corners), spring)| {
+        points.for_all(|(((state, (value, is_loose)), corners), spring)| {
             let (slope, sum) = sums::<D>(displacement, corners);
             *value = match is_loose {
                 true => Matrix3::zeros(),
@@ -65,7 +66,7 @@ impl<const D: usize> Staggered<D> {
     ) {
         let mut states = std::mem::take(&mut self.states);
         let points = states.par_iter_mut().enumerate().with_min_len(CHUNK);
-        points.for_each(|(i, state)| {
+        points.for_all(|(i, state)| {
             let mut stress = stress(self, i);
             if let Some(of_modes) = self.stress_of_modes(i, strain) {
                 stress += of_modes;
@@ -86,7 +87,7 @@ impl<const D: usize> Staggered<D> {
             Stiffness::Elastic => &[],
         };
         let chunks = self.states.par_chunks_mut(CHUNK).enumerate();
-        chunks.for_each(|(chunk, states)| {
+        chunks.for_all(|(chunk, states)| {
             let first = chunk * CHUNK;
             for (i, state) in (first..).zip(&mut *states) {
                 if gradient.is_loose(i) {
@@ -116,9 +117,7 @@ impl<const D: usize> Staggered<D> {
             && self.has_linear_points()
         {
             let points = self.base.elastic.strained(&self.gradient);
-            plasticity
-                .reliefs(points)
-                .collect_into_vec(&mut self.reliefs);
+            plasticity.reliefs(points).fill(&mut self.reliefs);
         }
         if !self.base.is_finite() || self.base.law_points.is_some() {
             return;
@@ -158,7 +157,7 @@ impl<const D: usize> Staggered<D> {
         let (out, _) = out.as_chunks_mut::<3>();
         let nodes = out.par_iter_mut().enumerate().with_min_len(CHUNK);
         let mode_load: &[[f64; 3]] = if with_modes { &self.mode_load } else { &[] };
-        nodes.for_each(|(corner, out)| {
+        nodes.for_all(|(corner, out)| {
             let sum = gather(&self.states, &self.corners.points[corner]);
             let (u, spring) = (&self.displacement[corner], self.corner_spring[corner]);
             *out = [0.0; 3];
@@ -187,7 +186,7 @@ impl<const D: usize> Staggered<D> {
     pub(super) fn evaluate_stress(&mut self) {
         let mut tensors = std::mem::take(&mut self.base.tensors);
         let points = tensors.par_iter_mut().enumerate();
-        points.for_each(|(i, tensor)| {
+        points.for_all(|(i, tensor)| {
             let gradient = &self.gradient.values[i];
             *tensor = self.base.spatial_stress(&self.gradient, i, gradient);
         });
@@ -197,7 +196,7 @@ impl<const D: usize> Staggered<D> {
     pub(super) fn evaluate_energy(&mut self, kind: EnergyKind) {
         let mut energy = std::mem::take(&mut self.base.energy);
         let points = energy.par_iter_mut().enumerate();
-        points.for_each(|(i, energy)| {
+        points.for_all(|(i, energy)| {
             let gradient = &self.gradient.values[i];
             let modes = self.energy_of_modes(i, kind);
             let [density, conjugate] = self.base.energy_density(&self.gradient, i, gradient, kind);

@@ -9,6 +9,7 @@
 //! so that a rotation of the body changes no energy; the derivative by F is a stress.
 
 use nalgebra::{Matrix3, Vector3};
+use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::super::solid::{EnergyKind, StrainKind};
@@ -136,7 +137,7 @@ impl<const D: usize> Staggered<D> {
                 sum
             };
             let nodes = (0..self.corner_spring.len()).into_par_iter();
-            nodes.map(load).collect_into_vec(&mut loads);
+            nodes.map(load).fill(&mut loads);
         }
         self.mode_load = loads;
         if !finite {

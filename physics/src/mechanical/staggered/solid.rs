@@ -1,6 +1,7 @@
 //! What the solvers ask of a staggered solid.
 
 use perimelt_core::family::{AxisPlane, LayerRule};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::Spring;
 use rayon::prelude::*;
 
@@ -105,7 +106,7 @@ impl<const D: usize> Solid for Staggered<D> {
         let left = (modes - 1.0 - D as f64) / modes;
         let mut blocks = std::mem::take(&mut self.blocks);
         let nodes = blocks.par_iter_mut().enumerate().with_min_len(CHUNK);
-        nodes.for_each(|(corner, block)| {
+        nodes.for_all(|(corner, block)| {
             *block = [0.0; 6];
             for (q, point) in self.corners.around(corner, &[]) {
                 if self.gradient.is_loose(point) {

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Derivatives, Pddo};
 use rayon::prelude::*;
 
@@ -38,7 +39,7 @@ impl Conduction {
         let (uniform, field) = (self.uniform, &self.conductivity_field);
         let conductivity = &*conductivity;
         let rows = self.rate.par_iter_mut().enumerate().with_min_len(1024);
-        rows.for_each(|(i, [rate])| {
+        rows.for_all(|(i, [rate])| {
             let row = &temperature[i * (dimension + 1)..][..dimension + 1];
             let own = match uniform {
                 Some(k) if is_uniform => k,

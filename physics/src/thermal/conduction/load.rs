@@ -2,6 +2,7 @@
 
 use perimelt_core::family::{ByRules, Mirrored};
 use perimelt_core::material::HeatPotential;
+use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::{BondConductivity, Conduction, Matter};
@@ -74,7 +75,7 @@ impl Conduction {
             let liquid = matter.curves[m as usize].liquid_fraction(t);
             self.calibration * self.conductivity(point, m, t, liquid)
         });
-        values.collect_into_vec(&mut field);
+        values.fill(&mut field);
         self.conductivity_field = field;
     }
 
@@ -95,7 +96,7 @@ impl Conduction {
         let calibration = self.calibration;
         let points = temperature.par_iter().zip(matter.material);
         let potential = points.map(|(&t, &m)| calibration * potentials[m as usize].at(t));
-        potential.collect_into_vec(&mut self.potential_field);
+        potential.fill(&mut self.potential_field);
         self.potential_slots
             .load(family, &self.potential_field[..], Mirrored::Scalar);
         let several = potentials.len() > 1;
@@ -119,7 +120,7 @@ impl Conduction {
             .zip(&self.temperature_slots[..])
             .zip(&mirrored.temperature[..]);
         let behind = behind.enumerate().with_min_len(SLOTS_PER_TASK);
-        behind.for_each(|(slot, ((potential, here), mirrored))| {
+        behind.for_all(|(slot, ((potential, here), mirrored))| {
             if here != mirrored {
                 let face = potentials[material(slot)].at(0.5 * (here + mirrored));
                 *potential = 2.0 * calibration * face - *potential;

@@ -18,6 +18,7 @@
 use perimelt_core::body::Layers;
 use perimelt_core::family::Mirrored;
 use perimelt_core::material::{EnthalpyCurve, HeatPotential};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
@@ -180,7 +181,7 @@ impl PlyFlow {
         };
         let points = temperature.par_iter().zip(matter.material);
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.map(of_point).collect_into_vec(&mut self.fields);
+        points.map(of_point).fill(&mut self.fields);
         fill(&mut self.slots, matter.family, &self.fields);
         if let Some(parts) = &mut self.parts {
             parts.load(matter, conductivity, temperature);
@@ -198,7 +199,7 @@ impl PlyFlow {
             [across, along - across, through]
         };
         let points = temperature.par_iter().with_min_len(POINTS_PER_TASK);
-        points.map(of_point).collect_into_vec(&mut self.slopes);
+        points.map(of_point).fill(&mut self.slopes);
     }
 
     /// Fills the slots for the derivative along a change (K) of the temperatures of [`PlyFlow::linearise`]. Returns false, without an effect, with several materials.
@@ -209,7 +210,7 @@ impl PlyFlow {
         let of_point = |(slopes, change): (&[f64; 3], &f64)| slopes.map(|slope| slope * change);
         let points = self.slopes.par_iter().zip(change);
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.map(of_point).collect_into_vec(&mut self.fields);
+        points.map(of_point).fill(&mut self.fields);
         fill(&mut self.slots, matter.family, &self.fields);
         true
     }
@@ -242,7 +243,7 @@ impl Parts {
             let distance = interfaces.of(point);
             [t, across, along - across, through, f64::from(m), distance]
         };
-        points.map(of_point).collect_into_vec(&mut self.fields);
+        points.map(of_point).fill(&mut self.fields);
         fill(&mut self.slots, matter.family, &self.fields);
     }
 }

@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 use perimelt_core::law::{Constants, Law};
 use perimelt_core::material::{Directional, EnthalpyCurve, Property};
 use perimelt_core::orientation::PointAxes;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::{Body, SetupError};
 use rayon::prelude::*;
@@ -98,7 +99,7 @@ impl Directions {
             let liquid = curves[m as usize].liquid_fraction(t);
             [0, 1, 2].map(|axis| materials[m as usize].along(axis).at(t, liquid))
         });
-        value.collect_into_vec(&mut self.value);
+        value.fill(&mut self.value);
     }
 
     /// Conductivity of a point times a gradient, as last evaluated.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::refinement::Refinement;
 use perimelt_core::{Access, Body, Family, Read, Setup, SetupError, World, Write, keys};
@@ -155,7 +156,7 @@ impl Window {
                 (slot, sum)
             };
             let ghosts = self.ghosts.par_iter().with_min_len(GHOSTS_PER_TASK);
-            ghosts.map(at).collect_into_vec(conduction.layers_mut());
+            ghosts.map(at).fill(conduction.layers_mut());
         }
     }
 
@@ -225,7 +226,7 @@ impl Window {
         let (field, factor) = conduction.linear_input();
         let cells = (0..self.receivers.len()).into_par_iter().with_min_len(16);
         let powers = cells.map(|cell| self.exchange.power(cell, field, factor));
-        powers.collect_into_vec(&mut self.powers);
+        powers.fill(&mut self.powers);
         let mut given = world.write(self.given);
         let low = refinement.position().low;
         let mut heat = 0.0;

@@ -11,6 +11,7 @@ mod grid;
 #[cfg(test)]
 mod tests;
 
+use crate::parallel::ParallelLoop;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -141,7 +142,7 @@ impl CoarseSpace {
         let corner_nodes = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| grid.corner_node(0, corner));
         let (vectors, _) = out.as_chunks_mut::<3>();
         let points = vectors.par_iter_mut().enumerate().with_min_len(CHUNK);
-        points.for_each(|(point, out)| {
+        points.for_all(|(point, out)| {
             let around = &moved[grid.first_node(point)..];
             let [mut x, mut y, mut z] = *out;
             let weights = grid.weights[point].iter().zip(corner_nodes);

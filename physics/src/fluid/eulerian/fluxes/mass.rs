@@ -2,6 +2,7 @@
 
 use perimelt_core::SlotField;
 use perimelt_core::family::Mirrored;
+use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::kernels::{FlowInputs, In};
@@ -89,7 +90,7 @@ impl Fluxes {
         };
         let points = density.par_iter().enumerate();
         let points = points.with_min_len(POINTS_PER_TASK).map(of_point);
-        points.collect_into_vec(&mut middle);
+        points.fill(&mut middle);
         self.find_outflow::<D, I>(terms, &middle, velocity);
         self.middle_density = middle;
     }

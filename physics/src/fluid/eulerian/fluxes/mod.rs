@@ -30,6 +30,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use perimelt_core::family::Rising;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::pddo::largest_wave_number;
 use perimelt_core::solver::SolverError;
 use perimelt_core::world::BodyIndex;
@@ -279,7 +280,7 @@ impl Fluxes {
     ) {
         let time = time * terms.acceleration_fraction;
         let points = velocity.par_iter_mut().enumerate();
-        points.with_min_len(POINTS_PER_TASK).for_each(|(i, v)| {
+        points.with_min_len(POINTS_PER_TASK).for_all(|(i, v)| {
             *v += time * self.acceleration(terms, i, v, density[i]);
         });
     }
@@ -287,7 +288,7 @@ impl Fluxes {
     /// Copies the flux of mass to points, kg/(m² s).
     pub(super) fn mass_flux(&self, flux: &mut [Vector3<f64>]) {
         let points = flux.par_iter_mut().zip(&self.slot);
-        points.with_min_len(POINTS_PER_TASK).for_each(|(m, slot)| {
+        points.with_min_len(POINTS_PER_TASK).for_all(|(m, slot)| {
             *m = Vector3::from_fn(|a, _| self.mass.get(a).map_or(0.0, |m| m[*slot as usize]));
         });
     }
@@ -418,7 +419,7 @@ impl Rates for Fluxes {
         let volumes = volumes.zip(&self.outflow);
         let points = density.par_iter_mut().zip(pressure).zip(volumes);
         let points = points.enumerate().with_min_len(POINTS_PER_TASK);
-        points.for_each(|(i, ((rho, p), ((fullness, [rate]), [outflow])))| {
+        points.for_all(|(i, ((rho, p), ((fullness, [rate]), [outflow])))| {
             let before = *fullness;
             *fullness += terms.dt * rate;
             let after = (*rho * before - terms.dt * outflow) / *fullness;

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::ByRules;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{BondKernel, SlotField, World};
 use rayon::prelude::*;
 
@@ -105,7 +106,7 @@ impl Fluxes {
             |(i, v): (usize, &Vector3<f64>)| v + half * self.acceleration(terms, i, v, density[i]);
         let points = velocity.par_iter().enumerate();
         let points = points.with_min_len(POINTS_PER_TASK).map(of_point);
-        points.collect_into_vec(&mut middle);
+        points.fill(&mut middle);
         self.find_carried::<D, I>(terms, &middle);
         self.middle_velocity = middle;
     }

@@ -2,6 +2,7 @@
 //! [`crate::fluid::eulerian::carried_flow`] has it.
 
 use perimelt_core::family::{ByRules, LayerRule};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Family, SlotField};
 use rayon::prelude::*;
 
@@ -81,7 +82,7 @@ impl DecayingWaves {
         };
         let points = (0..slot.len()).into_par_iter();
         let points = points.with_min_len(POINTS_PER_TASK).map(missing);
-        points.collect_into_vec(&mut self.missing);
+        points.fill(&mut self.missing);
         if self.missing.iter().all(|m| *m == 0.0) {
             return;
         }

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::Mirrored;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
@@ -124,7 +125,7 @@ impl PointMotion {
         let points = self.points.par_iter_mut().zip(&self.cell);
         points
             .with_min_len(POINTS_PER_TASK)
-            .for_each(|(mapped, cell)| {
+            .for_all(|(mapped, cell)| {
                 let own = &gradient[*cell as usize];
                 let mut slope = Matrix3::zeros();
                 (0..P).for_each(|n| slope[(n / D, n % D)] = own[n]);

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::{ByRules, ForeignBond, Mirrored};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{BondKernel, SlotField, World};
 use rayon::prelude::*;
 
@@ -149,7 +150,7 @@ impl Projection {
         self.family.sum(&kernel, inputs, sums);
         self.walls.add_viscosity::<D, I, O>(&kernel, sums);
         let rows = self.diffusion.par_chunks_exact_mut(D + 1).zip(sums);
-        rows.with_min_len(POINTS_PER_TASK).for_each(|(row, sums)| {
+        rows.with_min_len(POINTS_PER_TASK).for_all(|(row, sums)| {
             row.copy_from_slice(&sums[..=D]);
             for a in 0..D {
                 for b in 0..D {
@@ -200,7 +201,7 @@ impl Projection {
         let rows = self.carried.par_chunks_exact(d + 1);
         let points = fraction.par_iter_mut().zip(density).zip(rows);
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.for_each(|((c, rho), row)| {
+        points.for_all(|((c, rho), row)| {
             *c -= dt * row[d];
             *rho = pair.density_of(*c);
         });
@@ -227,13 +228,11 @@ impl Projection {
             step => dt.min(step) / (dt * step),
         };
         let points = middle.par_iter_mut().enumerate();
-        points
-            .with_min_len(POINTS_PER_TASK)
-            .for_each(|(i, middle)| {
-                let v = self.start[i];
-                let push = before * (v - self.state.predicted[i]);
-                *middle = v + 0.5 * dt * (push + self.acceleration(i, density[i]));
-            });
+        points.with_min_len(POINTS_PER_TASK).for_all(|(i, middle)| {
+            let v = self.start[i];
+            let push = before * (v - self.state.predicted[i]);
+            *middle = v + 0.5 * dt * (push + self.acceleration(i, density[i]));
+        });
         self.middle = middle;
     }
 
@@ -242,7 +241,7 @@ impl Projection {
         let mut state = std::mem::take(&mut self.state);
         let points = state.predicted.par_iter_mut().zip(&mut state.acceleration);
         let points = points.enumerate().with_min_len(POINTS_PER_TASK);
-        points.for_each(|(i, (predicted, acceleration))| {
+        points.for_all(|(i, (predicted, acceleration))| {
             *predicted = self.start[i] + terms.dt * self.acceleration(i, density[i]);
             if let Some(surface) = &self.thermocapillary {
                 let force = surface.force(i, self.dimension);

@@ -17,6 +17,7 @@
 
 use perimelt_core::family::Mirrored;
 use perimelt_core::material::LatentHeat;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, BondKernel, SlotField};
 use rayon::prelude::*;
 
@@ -97,14 +98,13 @@ impl Projection {
         let around = &mut freezing.solid_around;
         self.family.sum(&Around, [&freezing.solid], around);
         let hot = temperature.par_iter().with_min_len(POINTS_PER_TASK);
-        hot.map(|t| *t >= limit)
-            .collect_into_vec(&mut self.state.melted);
+        hot.map(|t| *t >= limit).fill(&mut self.state.melted);
         let points = fraction.par_iter().zip(temperature).zip(&*around);
         let is_frozen = |((c, t), [solid]): ((&f64, &f64), &[f64; 1])| {
             *t < limit && (*c > 0.5 || *c > LAYER && *solid > 0.0)
         };
         let frozen = points.with_min_len(POINTS_PER_TASK).map(is_frozen);
-        frozen.collect_into_vec(&mut self.state.frozen);
+        frozen.fill(&mut self.state.frozen);
     }
 
     /// Copies which points are frozen to slots, with the densities of the others (kg/m³), and finds the liquid part around each point.
@@ -128,7 +128,7 @@ impl Projection {
         let points = freezing.liquid_part.par_iter_mut().zip(&freezing.sums);
         points
             .with_min_len(POINTS_PER_TASK)
-            .for_each(|([part], [liquid, all])| {
+            .for_all(|([part], [liquid, all])| {
                 *part = match *all > least {
                     true => (liquid / all).clamp(0.0, 1.0),
                     false => 0.0,

@@ -13,6 +13,7 @@
 
 use perimelt_core::family::Mirrored;
 use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::reduce::sum;
 use perimelt_core::{Body, Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
@@ -180,7 +181,7 @@ impl FlowHeat {
         let jump = first - second;
         let points = self.carried.par_iter_mut().zip(&self.outflow);
         let points = points.enumerate().with_min_len(POINTS_PER_TASK);
-        points.for_each(|(i, (carried, [outflow]))| *carried = change(i) * jump - time * outflow);
+        points.for_all(|(i, (carried, [outflow]))| *carried = change(i) * jump - time * outflow);
     }
 
     /// Finds the temperatures in the middle from what the points got until then.
@@ -190,7 +191,7 @@ impl FlowHeat {
         let points = points.zip(&self.carried).enumerate();
         points
             .with_min_len(POINTS_PER_TASK)
-            .for_each(|(i, ((temperature, enthalpy), carried))| {
+            .for_all(|(i, ((temperature, enthalpy), carried))| {
                 *temperature = content.temperature(i, enthalpy + carried, *temperature);
             });
     }
@@ -226,7 +227,7 @@ impl Projection {
         if phase.is_some() {
             let fraction = heat.fraction.par_iter_mut().enumerate();
             let fraction = fraction.with_min_len(POINTS_PER_TASK);
-            fraction.for_each(|(point, c)| *c = before(point) + 0.5 * change(point));
+            fraction.for_all(|(point, c)| *c = before(point) + 0.5 * change(point));
         }
         self.sum_heat::<D, I>(&kernel, heat);
         heat.find_gains(0.5 * dt, |point| 0.5 * change(point));

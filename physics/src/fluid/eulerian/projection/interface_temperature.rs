@@ -12,6 +12,7 @@
 
 use perimelt_core::family::Mirrored;
 use perimelt_core::material::{EnthalpyCurve, Property};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, BondKernel, SlotField};
 use rayon::prelude::*;
 
@@ -125,7 +126,7 @@ impl Projection {
         let points = value.par_iter_mut().zip(&*flux).enumerate();
         points
             .with_min_len(POINTS_PER_TASK)
-            .for_each(|(i, (value, flux))| {
+            .for_all(|(i, (value, flux))| {
                 let c = fraction[i];
                 let resistivities = conductivity.resistivities(*value);
                 if !(OUTSIDE..=1.0 - OUTSIDE).contains(&c)

@@ -33,6 +33,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::family::{LayerRule, Mirrored};
 use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::plugin::check_length;
 use perimelt_core::solver::SolverError;
 use perimelt_core::solver::reduce::dot;
@@ -383,7 +384,7 @@ impl Rates for Projection {
         };
         let points = phase.fraction.par_iter().with_min_len(POINTS_PER_TASK);
         let mixed = points.map(|c| phase.pair.viscosity_of(*c));
-        mixed.collect_into_vec(&mut self.mixed_viscosity);
+        mixed.fill(&mut self.mixed_viscosity);
         let (values, frozen) = (&self.mixed_viscosity, &self.state.frozen);
         let value = |i: usize| match frozen.get(i) {
             Some(true) => RIGID,
@@ -394,7 +395,7 @@ impl Rates for Projection {
 
     fn set_velocity(&mut self, velocity: &[SlotField], density: &[f64], terms: &Terms<'_>) {
         let points = self.start.par_iter_mut().zip(&self.slot);
-        points.with_min_len(POINTS_PER_TASK).for_each(|(v, slot)| {
+        points.with_min_len(POINTS_PER_TASK).for_all(|(v, slot)| {
             for (a, along) in velocity.iter().enumerate() {
                 v[a] = along[*slot as usize];
             }
@@ -457,7 +458,7 @@ impl Rates for Projection {
         self.iterations = self.solver.solve(bonds, &self.excess, tolerance)?;
         let points = pressure.par_iter_mut().zip(&self.solver.surplus);
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.for_each(|(p, surplus)| *p -= surplus / terms.dt);
+        points.for_all(|(p, surplus)| *p -= surplus / terms.dt);
         Ok(())
     }
 
@@ -475,7 +476,7 @@ impl Rates for Projection {
         let d = self.dimension;
         let points = velocity.par_iter_mut().zip(&self.state.predicted);
         let points = points.enumerate().with_min_len(POINTS_PER_TASK);
-        points.for_each(|(i, (v, predicted))| {
+        points.for_all(|(i, (v, predicted))| {
             for a in 0..d {
                 v[a] = predicted[a] + time * self.push[i * d + a];
             }

@@ -13,6 +13,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::{ByRules, ForeignGhost, Mirrored};
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Body, Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
@@ -190,7 +191,7 @@ impl Phase {
         for (axis, (normal, compression)) in self.normal.iter_mut().zip(compression).enumerate() {
             let each = normal.par_iter_mut().zip(&self.steepness[..]);
             let each = each.with_min_len(POINTS_PER_TASK);
-            each.for_each(|(along, steepness)| *along /= steepness);
+            each.for_all(|(along, steepness)| *along /= steepness);
             let each = fraction.par_iter().zip(&normal[..]);
             compression.set(each.map(|(c, along)| c * (1.0 - c) * along));
             compression.fill_ghosts(family, Mirrored::Vector(axis));

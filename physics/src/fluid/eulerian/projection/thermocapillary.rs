@@ -24,6 +24,7 @@
 //! and the total is exactly the stress. The temperature of a face is that of the first row of points.
 
 use perimelt_core::family::Mirrored;
+use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::surface_tension::gradient_along;
 use perimelt_core::{Body, Bond, BondKernel, Face, Family, SlotField, TensionLaw};
 use rayon::prelude::*;
@@ -247,7 +248,7 @@ impl Projection {
             }
             let points = surface.temperature.value.par_iter();
             let tension = points.with_min_len(POINTS_PER_TASK).map(|t| law.value(*t));
-            tension.collect_into_vec(&mut self.state.tension);
+            tension.fill(&mut self.state.tension);
             self.load_tension();
         }
         self.thermocapillary = Some(surface);
@@ -320,7 +321,7 @@ impl Projection {
         let (along, _) = pull.along.as_chunks_mut::<D>();
         let points = along.par_iter_mut().zip(&*slopes).enumerate();
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.for_each(|(i, (along, slope))| {
+        points.for_all(|(i, (along, slope))| {
             let normal: [f64; D] = phase.normal_in(self.slot[i]);
             let across: f64 = (0..D).map(|a| normal[a] * slope[a]).sum();
             let liquid = liquid.map_or(1.0, |liquid| liquid[i][0]);
