@@ -9,6 +9,7 @@ use perimelt::run::Failure;
 use perimelt_core::Simulation;
 use perimelt_core::log::Log;
 use perimelt_core::transport::{Memory, Processes};
+use toml::{Table, Value};
 
 /// The folder of the repository.
 pub fn root() -> PathBuf {
@@ -44,6 +45,27 @@ pub fn message(name: &str, text: String) -> String {
         Err(Failure::Case(mistake)) => mistake.render(false),
         Err(other) => panic!("not a mistake in the case file: {other}"),
         Ok(_) => panic!("accepted:\n{text}"),
+    }
+}
+
+/// What case files that differ in numbers only, such as spacing and material, have in common; the dimension counts.
+pub fn kind(case: &Table) -> String {
+    let mut kind = case.clone();
+    for section in ["case", "verify"] {
+        kind.remove(section);
+    }
+    for (name, value) in kind.iter_mut() {
+        forget_numbers(name, value);
+    }
+    kind.to_string()
+}
+
+fn forget_numbers(name: &str, value: &mut Value) {
+    match value {
+        Value::Float(_) | Value::Integer(_) if name != "dimension" => *value = 0.into(),
+        Value::Array(values) => values.iter_mut().for_each(|v| forget_numbers(name, v)),
+        Value::Table(table) => table.iter_mut().for_each(|(n, v)| forget_numbers(n, v)),
+        _ => {}
     }
 }
 
