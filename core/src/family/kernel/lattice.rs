@@ -8,6 +8,9 @@ use crate::family::{Chunk, Family, Stencil, StencilBond, StencilBonds};
 /// Points that advance together: two AVX-512 or four AVX2 registers.
 const LANES: usize = 16;
 
+/// Points for which all lanes take less time than bond by bond.
+const WORTH_LANES: usize = 4;
+
 /// A family on a lattice, and its bonds.
 #[derive(Clone, Copy)]
 pub(super) struct LatticeSweep<'a> {
@@ -53,6 +56,8 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
     // contains them.
     let set = |point: usize, sum: [f64; O]| unsafe { output.set(point, sum) };
     let stencil = &bonds.stencil.bonds[..];
+    // lanes beyond the end of a run compute with what is there
+    let last_slot = bonds.stencil.last_slot(family.slots.len);
     for run in &bonds.runs[chunk.runs.clone()] {
         let (slot, point, len) = (run.slot as usize, run.point as usize, run.len as usize);
         let mut done = 0;
@@ -60,7 +65,8 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
             // the last block overlaps the one before it: the same sums are written twice
             let first = done.min(len.saturating_sub(LANES));
             let points = point + first..point + (first + LANES).min(len);
-            if points.len() == LANES && inputs.is_whole(points.clone()) {
+            let is_in_lanes = points.len() >= WORTH_LANES && Some(slot + first) <= last_slot;
+            if is_in_lanes && inputs.is_whole(points.clone()) {
                 let bonds = LaneBonds::<LANES> {
                     stencil,
                     weights: None,
@@ -103,6 +109,12 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
 }
 
 impl Stencil {
+    /// The last slot from which the bonds of [`LANES`] points stay within so many slots.
+    fn last_slot(&self, slots: usize) -> Option<usize> {
+        let reach = self.bonds.iter().map(|bond| bond.offset).max();
+        slots.checked_sub(LANES + reach.map_or(0, |reach| reach.max(0) as usize))
+    }
+
     /// The sum of a point with a complete family, bond by bond. Compiled once.
     #[inline(never)]
     pub(super) fn sum_complete<const I: usize, const O: usize>(
