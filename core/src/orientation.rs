@@ -1,9 +1,10 @@
 //! Orientation of the material at a point: a rotation vector, whose direction is the axis of the rotation and whose length is
 //! its angle (rad). It turns the axes x, y, z of space to the axes of the material, such as fibres, in the undeformed body.
 
-use crate::parallel::ParallelLoop;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
+
+use crate::parallel::ParallelLoop;
 
 /// The axes of the material, unit vectors, by columns.
 pub fn axes(orientation: &Vector3<f64>) -> Matrix3<f64> {

@@ -24,16 +24,6 @@ pub trait ParallelLoop: IndexedParallelIterator {
         let both = values.par_iter_mut().zip(self);
         both.for_all(|(value, item)| *value = item);
     }
-
-    /// The items, in their order.
-    fn to_vec(self) -> Vec<Self::Item>
-    where
-        Self::Item: Default,
-    {
-        let mut values = Vec::new();
-        self.fill(&mut values);
-        values
-    }
 }
 
 impl<I: IndexedParallelIterator> ParallelLoop for I {}
@@ -126,7 +116,6 @@ mod tests {
                 squares().fill(&mut values);
                 assert_eq!(values, expected);
             }
-            assert_eq!(squares().to_vec(), expected);
         });
     }
 

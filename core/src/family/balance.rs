@@ -16,12 +16,12 @@
 //! Points whose families a bare surface cuts keep `l = 0`: their bonds need not balance, since the heat of
 //! a linear field leaves through the surface. Mirrored layers mirror `l`.
 
-use crate::parallel::ParallelLoop;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::body::{Body, Face};
 use crate::cell_list::CellList;
+use crate::parallel::ParallelLoop;
 use crate::solver::reduce::norm;
 use crate::solver::{Hints, Krylov, KrylovMethod, KrylovOptions};
 

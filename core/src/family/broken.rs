@@ -202,7 +202,7 @@ impl Family {
     }
 
     /// The call is dynamic, so that the loop is compiled once.
-    fn pass_bonds(&self, point: usize, receive: BondReceiver<'_>) {
+    pub(super) fn pass_bonds(&self, point: usize, receive: BondReceiver<'_>) {
         if self.store.growth().is_some_and(|g| g.is_unborn(point)) {
             return;
         }

@@ -6,13 +6,13 @@
 //! points mix. [`Family::update_weights`] moves the images behind faces with their points and computes the weights; it is
 //! called for every new configuration. The [`World`](crate::World) owns the families of moving bodies and calls both.
 
-use crate::parallel::ParallelLoop;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::body::{Body, Curve, Part};
 use crate::cell_list::CellList;
 use crate::neighbours::{self, Reaching};
+use crate::parallel::ParallelLoop;
 
 use super::build::Share;
 use super::images::Images;

@@ -6,10 +6,10 @@
 use std::ops::{Deref, DerefMut};
 use std::slice;
 
-use crate::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::{Family, GhostRule, PointSlots, SLOTS};
+use crate::parallel::ParallelLoop;
 
 /// Values of a field by point: a slice, or a function of the point that costs little.
 pub trait PointValues: Sync {

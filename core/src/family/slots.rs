@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use crate::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use crate::body::Face;
+use crate::parallel::ParallelLoop;
 
 use super::images::Layers;
 

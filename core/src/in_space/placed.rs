@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use crate::parallel::ParallelLoop;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -12,6 +11,7 @@ use crate::folder;
 use crate::formula::Formula;
 use crate::in_time::InTime;
 use crate::input;
+use crate::parallel::ParallelLoop;
 use crate::samples::{FieldFile, NumberTable, SamplesError, States};
 use crate::text::{number, position};
 

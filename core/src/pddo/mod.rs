@@ -19,13 +19,13 @@ mod tests;
 
 use std::sync::Arc;
 
-use crate::parallel::ParallelLoop;
 use nalgebra::{SMatrix, Vector3};
 use rayon::prelude::*;
 
 use crate::body::{Body, Horizon};
 use crate::cell_list::CellList;
 use crate::family::{Bond, BondKernel, Correction, Family, FamilySpec, Influence, PartialVolume};
+use crate::parallel::ParallelLoop;
 pub use basis::second;
 use basis::{exponents, monomials, with_basis};
 pub use derivatives::Derivatives;

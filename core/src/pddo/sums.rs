@@ -1,11 +1,11 @@
 //! Sums of derivatives of fields: gradient, Laplacian and divergence.
 
-use crate::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::basis::{monomials, with_basis};
 use super::{Derivatives, Pddo, second};
 use crate::family::{Bond, BondKernel, SlotField};
+use crate::parallel::ParallelLoop;
 
 /// `O` sums of derivatives of `I` fields where all points share an inverse.
 struct Contraction<const D: usize, const N: usize, const I: usize, const O: usize> {

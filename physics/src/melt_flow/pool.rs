@@ -217,27 +217,15 @@ impl Pool {
 
 /// Sets the value of each cell, on several threads where that pays.
 pub(super) fn set_cells<T: Send>(values: &mut [T], of: impl Fn(usize) -> T + Sync) {
-    if values.len() < PARALLEL {
-        for (cell, value) in values.iter_mut().enumerate() {
-            *value = of(cell);
-        }
-    } else {
-        let cells = values.par_iter_mut().enumerate().with_min_len(PARALLEL / 4);
-        cells.for_all(|(cell, value)| *value = of(cell));
-    }
+    let cells = values.par_iter_mut().enumerate().with_min_len(PARALLEL / 2);
+    cells.for_all(|(cell, value)| *value = of(cell));
 }
 
 /// Sets the values of the bonds of each cell, `bonds` for each, on several threads where that pays.
 pub(super) fn set_rows(values: &mut [f64], bonds: usize, of: impl Fn(usize, &mut [f64]) + Sync) {
-    if values.len() < PARALLEL * bonds {
-        for (cell, values) in values.chunks_mut(bonds).enumerate() {
-            of(cell, values);
-        }
-    } else {
-        let cells = values.par_chunks_mut(bonds).enumerate();
-        let cells = cells.with_min_len(PARALLEL / 4);
-        cells.for_all(|(cell, values)| of(cell, values));
-    }
+    let cells = values.par_chunks_mut(bonds).enumerate();
+    let cells = cells.with_min_len(PARALLEL / 2);
+    cells.for_all(|(cell, values)| of(cell, values));
 }
 
 #[cfg(test)]

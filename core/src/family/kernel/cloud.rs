@@ -22,28 +22,6 @@ struct BondGroup<'a> {
 }
 
 impl SlotPlaces {
-    /// The sum of a row of a cloud, bond by bond, with the bits of [`SlotPlaces::sum_row`].
-    pub(super) fn sum_bonds<const I: usize, const O: usize>(
-        &self,
-        kernel: &impl BondKernel<I, O>,
-        inputs: &[&[f64]; I],
-        rows: &Rows,
-        row: usize,
-        broken: Bits<'_>,
-    ) -> [f64; O] {
-        let own = inputs_at(inputs, rows.slot[row] as usize);
-        let mut sums = [[0.0; ROW_LANES]; O];
-        self.for_each_bond(rows, row, &mut |number, bond, other| {
-            if !broken.is_broken(number) {
-                let part = kernel.bond(bond, own, inputs_at(inputs, other));
-                for (sums, part) in sums.iter_mut().zip(part) {
-                    sums[number % ROW_LANES] += part;
-                }
-            }
-        });
-        total_of_lanes(&sums)
-    }
-
     /// The sum of a row of a cloud, [`ROW_LANES`] bonds at a time.
     #[inline(always)]
     pub(super) fn sum_row<const I: usize, const O: usize>(
@@ -150,7 +128,7 @@ pub(super) fn sweep_cloud<const I: usize, const O: usize>(
 
 /// Each sum over all lanes.
 #[inline(always)]
-fn total_of_lanes<const O: usize>(sums: &[[f64; ROW_LANES]; O]) -> [f64; O] {
+pub(super) fn total_of_lanes<const O: usize>(sums: &[[f64; ROW_LANES]; O]) -> [f64; O] {
     let mut totals = [0.0; O];
     for (total, lanes) in totals.iter_mut().zip(sums) {
         *total = lanes.iter().sum();

@@ -1,7 +1,7 @@
 //! The sweep of lattices: consecutive points advance together through the shared stencil, with their sums in registers;
 //! each bond costs one load of each input per point.
 
-use super::{Bits, Bond, BondKernel, Output, SweepInputs, add, inputs_at};
+use super::{Bond, BondKernel, Output, SweepInputs};
 use crate::family::blocks::Weights;
 use crate::family::{Chunk, Family, Stencil, StencilBond, StencilBonds};
 
@@ -113,26 +113,6 @@ impl Stencil {
     fn last_slot(&self, slots: usize) -> Option<usize> {
         let reach = self.bonds.iter().map(|bond| bond.offset).max();
         slots.checked_sub(LANES + reach.map_or(0, |reach| reach.max(0) as usize))
-    }
-
-    /// The sum of a point with a complete family, bond by bond. Compiled once.
-    #[inline(never)]
-    pub(super) fn sum_complete<const I: usize, const O: usize>(
-        &self,
-        kernel: &impl BondKernel<I, O>,
-        inputs: &[&[f64]; I],
-        slot: usize,
-        broken: Bits<'_>,
-    ) -> [f64; O] {
-        let own = inputs_at(inputs, slot);
-        let mut sums = [0.0; O];
-        for (number, StencilBond { offset, bond }) in self.bonds.iter().enumerate() {
-            if !broken.is_broken(number) {
-                let other = inputs_at(inputs, slot.wrapping_add_signed(*offset));
-                add(&mut sums, kernel.bond(bond, own, other));
-            }
-        }
-        sums
     }
 }
 

@@ -7,17 +7,18 @@
 
 use std::ops::Range;
 
-use crate::parallel::ParallelLoop;
 use rayon::prelude::*;
 
 use super::broken::Bits;
 use super::growing::GrowingBonds;
-use super::{BrokenBonds, Chunk, CloudRows, Family, Rows, StencilBonds, Store};
+use super::{BrokenBonds, Chunk, CloudRows, Family, StencilBonds, Store};
 #[cfg(target_arch = "x86_64")]
 use crate::instructions::InstructionSet;
+use crate::parallel::ParallelLoop;
 
 mod cloud;
 mod lattice;
+mod one_by_one;
 mod pairs;
 mod sums;
 #[cfg(test)]
@@ -377,14 +378,14 @@ impl Family {
                 for run in &bonds.runs[chunk.runs.clone()] {
                     for (point, slot) in run.points().zip(run.slot as usize..) {
                         let bits = inputs.bits(point);
-                        let sum = common.filter(|_| !bits.any());
-                        let stencil = &bonds.stencil;
-                        set(
-                            point,
-                            sum.unwrap_or_else(|| {
+                        let sum = match common {
+                            Some(sums) if !bits.any() => sums,
+                            _ => {
+                                let stencil = &bonds.stencil;
                                 stencil.sum_complete(kernel, inputs.values, slot, bits)
-                            }),
-                        );
+                            }
+                        };
+                        set(point, sum);
                     }
                 }
             }
@@ -395,25 +396,6 @@ impl Family {
                 }
             }
         }
-    }
-
-    /// The sum of one point, bond by bond: compiled once, for incomplete families beside cracks and of rare kernels.
-    #[inline(never)]
-    fn sum_bonds<const I: usize, const O: usize>(
-        &self,
-        kernel: &impl BondKernel<I, O>,
-        inputs: &[&[f64]; I],
-        point: usize,
-        broken: Bits<'_>,
-    ) -> [f64; O] {
-        let own = inputs_at(inputs, self.slot_of(point));
-        let mut sums = [0.0; O];
-        self.for_each_bond(point, |number, bond, other| {
-            if !broken.is_broken(number) {
-                add(&mut sums, kernel.bond(bond, own, inputs_at(inputs, other)));
-            }
-        });
-        sums
     }
 
     fn sweep<const I: usize, const O: usize, K: BondKernel<I, O>>(
@@ -466,34 +448,5 @@ impl Family {
                 sweep_lattice(sweep, kernel, inputs, output, chunk);
             }
         }
-    }
-
-    /// The sum of one row, compiled once.
-    #[inline(never)]
-    fn sum_row<const I: usize, const O: usize>(
-        &self,
-        kernel: &impl BondKernel<I, O>,
-        inputs: &[&[f64]; I],
-        rows: &Rows,
-        row: usize,
-        broken: Bits<'_>,
-    ) -> [f64; O] {
-        let stencil = match &self.store {
-            Store::Cloud(cloud) | Store::Moving(cloud, _) => {
-                let places = &cloud.places;
-                return places.sum_bonds(kernel, inputs, rows, row, broken);
-            }
-            Store::Lattice(StencilBonds { stencil, .. }, _)
-            | Store::Growing(StencilBonds { stencil, .. }, _)
-            | Store::List(stencil, _) => stencil,
-        };
-        let own = inputs_at(inputs, rows.slot[row] as usize);
-        let mut sums = [0.0; O];
-        stencil.for_each_bond(rows, row, &mut |number, bond, other| {
-            if !broken.is_broken(number) {
-                add(&mut sums, kernel.bond(bond, own, inputs_at(inputs, other)));
-            }
-        });
-        sums
     }
 }

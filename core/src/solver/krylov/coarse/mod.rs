@@ -11,12 +11,13 @@ mod grid;
 #[cfg(test)]
 mod tests;
 
-use crate::parallel::ParallelLoop;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use banded::Banded;
 use grid::{CORNERS, CoarseGrid, Network};
+
+use crate::parallel::ParallelLoop;
 
 /// Fraction of the coarse displacement that is applied: the diagonal corrects smooth displacements, too.
 const DAMPING: f64 = 0.6;
