@@ -1,60 +1,11 @@
 //! A run that several processes share has the bits of a run of one process. Here processes are threads of the test.
 
+mod divided;
+
+use divided::{BRACKET, WELD, free, ordinary, steady, still, torn, weld_by};
 use perimelt::case::Case;
 use perimelt_core::transport::Processes;
 use perimelt_tests::in_processes;
-
-/// A moving arc on a plate with a hole that melts, with convection, radiation, a flux and a held temperature.
-const WELD: &str = r#"
-[bodies.plate]
-shape.difference = { from = { box = { min = [0, 0, 0], max = [0.024, 0.02, 0.0085] } }, subtract = { cylinder = { start = [0.017, 0.012, -1], end = [0.017, 0.012, 1], radius = 3e-3 } } }
-spacing = 5e-4
-material = "S355"
-initial.temperature = "293.15 + 2e3 * x"
-
-[[physics]]
-type = "thermal"
-horizon = HORIZON
-
-[[couplers]]
-type = "phase_change"
-
-[[couplers]]
-type = "goldak"
-name = "torch"
-power = 2500
-efficiency = 0.8
-half_width = 2e-3
-depth = 3e-3
-front_length = 2e-3
-rear_length = 4e-3
-toolpath.line = { start = [0.002, 0.008, 0.0085], end = [0.02, 0.008, 0.0085], speed = 0.01 }
-
-[[couplers]]
-type = "convection"
-coefficient = 25
-ambient = 293.15
-
-[[couplers]]
-type = "radiation"
-faces = ["z+"]
-ambient = 293.15
-
-[[couplers]]
-type = "symmetry"
-face = "y-"
-
-[[couplers]]
-type = "prescribed_temperature"
-face = "x-"
-value = 293.15
-
-[time]
-end = 0.6
-
-[log]
-interval = 0.2
-"#;
 
 /// What a run ends with: fields of the whole body, balances and reports, as bits, and a checkpoint.
 struct End {
@@ -160,77 +111,29 @@ fn heat_has_the_same_bits_for_any_number_of_processes() {
     }
 }
 
-/// A bracket of two materials whose stiffness depends on the temperature: it conducts heat, is pressed, moved and pulled down, and vibrates.
-const BRACKET: &str = r#"
-[bodies.bracket]
-shape.difference = { from = { box = { min = [0, 0, 0], max = [0.024, 0.018, 0.0075] } }, subtract = { cylinder = { start = [0.017, 0.012, -1], end = [0.017, 0.012, 1], radius = 3e-3 } } }
-spacing = 7.5e-4
-material = "steel"
-materials = { end = "tin" }
-regions.end.box = { min = [0.018, 0, 0], max = [1, 1, 1] }
-regions.foot.box = { min = [0, 0, 0], max = [0.001, 1, 1] }
-initial.temperature = "293.15 + 2e4 * x"
-initial.velocity = ["20 * y", "0", "-30 * x"]
+#[test]
+fn implicit_heat_has_the_same_bits_for_any_number_of_processes() {
+    let all = [
+        ("implicit", weld_by("implicit"), &[2, 5][..]),
+        ("crank_nicolson", weld_by("crank_nicolson"), &[3]),
+        ("rkl2", weld_by("rkl2"), &[2]),
+        ("steady", steady(false), &[2, 3]),
+        ("steady and insulated", steady(true), &[3]),
+    ];
+    for (solver, text, counts) in all {
+        let alone = run_in(1, &text, 1.0, None);
+        assert!(alone.fields.len() >= 2, "{solver}");
+        for &count in counts {
+            let shared = run_in(count, &text, 1.0, None);
+            assert_same(&shared, &alone, &format!("{solver}, {count} processes"));
+        }
+    }
+}
 
-[materials.steel]
-density = 7800
-fracture_energy = 2e4
-thermal_expansion = 1.2e-5
-youngs_modulus = { temperature = [300, 800], value = [2.1e11, 1.5e11] }
-poissons_ratio = 0.25
-yield_stress = 3e8
-specific_heat = 500
-conductivity = 40
-
-[materials.tin]
-density = 7300
-fracture_energy = 2e4
-thermal_expansion = 2.3e-5
-youngs_modulus = 5e10
-poissons_ratio = 0.25
-specific_heat = 500
-conductivity = 40
-
-[[physics]]
-type = "thermal"
-horizon = 1
-
-[[physics]]
-type = "mechanical"
-kinematics = "KINEMATICS"
-solver.explicit = { damping = 1e3 }
-sections = [{ name = "middle", axis = "x", at = 0.012 }]
-
-[[couplers]]
-type = "thermal_expansion"
-reference_temperature = 293.15
-
-[[couplers]]
-type = "gravity"
-acceleration = [0, 0, -9.81e4]
-
-[[couplers]]
-type = "traction"
-faces = ["x+", "z+"]
-pressure = "1e7 * (1 + 50 * y)"
-factor = { time = [0, 2e-6], value = [0, 1] }
-
-[[couplers]]
-type = "prescribed_displacement"
-region = "foot"
-x = { time = [0, 3e-6], value = [0, 1e-6] }
-z = 0
-
-[[couplers]]
-type = "symmetry"
-face = "y-"
-
-[time]
-end = 6e-6
-
-[log]
-interval = 2e-6
-"#;
+#[test]
+fn implicit_heat_goes_on_with_another_number_of_processes() {
+    assert_goes_on(&weld_by("implicit"), 0.3, [(1, 3), (3, 1), (2, 5)]);
+}
 
 #[test]
 fn motion_has_the_same_bits_for_any_number_of_processes() {
@@ -263,28 +166,6 @@ fn motion_has_the_same_bits_for_any_number_of_processes() {
     }
 }
 
-/// A bracket that is ordinary state-based.
-fn ordinary(text: &str) -> String {
-    let text = text.replace("kinematics", "formulation = \"ordinary\"\nkinematics");
-    text.replace("poissons_ratio = 0.25", "poissons_ratio = 0.3")
-}
-
-/// The bracket, torn apart along `x` and along its diagonals, with an interface through it.
-fn torn(kinematics: &str, criterion: &str) -> String {
-    let fracture = format!(
-        r#"fracture = {{ criterion = "{criterion}", no_fail = ["foot"], interface = {{ through = [[0.01, -1], [0.01, 1]], fracture_energy = 1e4 }} }}
-kinematics"#
-    );
-    let text = BRACKET.replace("kinematics", &fracture);
-    let text = text.replace("KINEMATICS", kinematics);
-    let slow = r#"initial.velocity = ["20 * y", "0", "-30 * x"]"#;
-    assert!(text.contains(slow));
-    text.replace(
-        slow,
-        r#"initial.velocity = ["6e3 * (x - 0.012)", "3e3 * (y - 0.009) * (x - 0.004) / 0.01", "0"]"#,
-    )
-}
-
 #[test]
 fn fracture_has_the_same_bits_for_any_number_of_processes() {
     let all = [
@@ -305,6 +186,65 @@ fn fracture_has_the_same_bits_for_any_number_of_processes() {
             assert_same(&shared, &alone, &format!("{count} processes"));
         }
     }
+}
+
+#[test]
+fn equilibrium_has_the_same_bits_for_any_number_of_processes() {
+    let newton = still(".quasi_static = {}");
+    let linear = newton.replace("KINEMATICS", "linear");
+    let finite = newton.replace("KINEMATICS", "finite");
+    let relaxed = still(".relaxation = { relative_tolerance = 1e-4 }");
+    let all = [
+        ("linear", linear.clone(), &[2, 3, 5][..]),
+        ("finite", finite.clone(), &[2, 3]),
+        ("ordinary, linear", ordinary(&linear), &[3]),
+        ("ordinary, finite", ordinary(&finite), &[2]),
+        ("free", free().replace("KINEMATICS", "linear"), &[2, 5]),
+        ("relaxed", relaxed.replace("KINEMATICS", "finite"), &[3]),
+    ];
+    for (name, text, counts) in all {
+        let alone = run_in(1, &text, 1.0, None);
+        assert!(alone.steps > 3 && alone.fields.len() >= 3, "{name}");
+        for &count in counts {
+            let shared = run_in(count, &text, 1.0, None);
+            assert_same(&shared, &alone, &format!("{name}, {count} processes"));
+        }
+    }
+}
+
+/// A bracket in equilibrium that breaks while its end is pulled.
+#[test]
+fn slow_fracture_has_the_same_bits_for_any_number_of_processes() {
+    let pulled = still(".quasi_static = {}");
+    let fracture = "fracture = { criterion = \"stretch\", no_fail = [\"foot\"] }\nkinematics";
+    let text = pulled.replace("kinematics", fracture).replace("2e4", "2e2");
+    let text = text.replace("7.5e-4", "1.5e-3");
+    let text = text.replace("KINEMATICS", "linear");
+    let pull = r#"[[couplers]]
+type = "prescribed_displacement"
+name = "pull"
+region = "end"
+x = { time = [0, 0.02], value = [0, 3e-5] }
+
+[time]"#;
+    let text = text.replace("[time]", pull);
+    let alone = run_in(1, &text, 1.0, None);
+    let broken = alone
+        .numbers
+        .iter()
+        .find(|(n, _)| n.ends_with("bonds.broken"));
+    let broken = f64::from_bits(broken.expect("reported").1);
+    assert!(broken > 10.0, "{broken} bonds");
+    for count in [2, 3] {
+        let shared = run_in(count, &text, 1.0, None);
+        assert_same(&shared, &alone, &format!("{count} processes"));
+    }
+}
+
+#[test]
+fn equilibrium_goes_on_with_another_number_of_processes() {
+    let text = still(".quasi_static = {}").replace("KINEMATICS", "finite");
+    assert_goes_on(&text, 0.015, [(1, 3), (3, 1), (2, 4)]);
 }
 
 #[test]
@@ -358,14 +298,12 @@ fn what_processes_cannot_share_is_refused() {
         refusal(&bracket.replace(right, wrong))
     };
     let all = [
-        moving("solver.explicit = { damping = 1e3 }", ""),
         moving("kinematics", "formulation = \"correspondence\"\nkinematics"),
         moving(
             "kinematics",
             "formulation = \"ordinary\"\nflow.johnson_cook = {}\nkinematics",
         ),
         moving("region = \"foot\"", "face = \"x-\""),
-        changed("horizon = 1", "horizon = 1\nsolver = \"implicit\""),
         changed("horizon = 1", "horizon = 1\nform = \"ordinary\""),
         changed(
             "spacing = 5e-4",

@@ -23,7 +23,7 @@ use crate::body::{Body, Face};
 use crate::cell_list::CellList;
 use crate::parallel::ParallelLoop;
 use crate::solver::reduce::norm;
-use crate::solver::{Hints, Krylov, KrylovMethod, KrylovOptions};
+use crate::solver::{Hints, Krylov, KrylovMethod, KrylovOptions, Reducer};
 
 use super::build::continued_faces;
 use super::cloud::SlotBond;
@@ -181,9 +181,10 @@ impl Equations<'_> {
             diagonal: Some(&diagonal),
             ..Hints::default()
         };
+        let alone = Reducer::default();
         let mut values = vec![0.0; unbalanced.len()];
         Krylov::new(KrylovMethod::ConjugateGradient, options)
-            .solve(apply, &unbalanced, &mut values, hints)
+            .solve(apply, &unbalanced, &mut values, &alone, hints)
             .map_err(|e| FamilyError::NotBalanced {
                 reason: e.to_string(),
             })?;

@@ -79,6 +79,14 @@ impl LayerRule {
         self.values.is_some() || self.offset[component] != 0.0
     }
 
+    /// Whether the forces of a body on the images of its points leave its stiffness symmetric: a mirror image, or a layer that does not move with
+    /// the points.
+    pub fn is_symmetric(&self) -> bool {
+        let mut mirror = [1.0; 3];
+        mirror[self.face.axis()] = -1.0;
+        self.traction.is_none() && (self.scale == mirror || self.scale == [0.0; 3])
+    }
+
     /// The rule without what it prescribes: for differences of two fields.
     pub fn homogeneous(&self) -> Self {
         let none = Traction {

@@ -160,10 +160,11 @@ impl Simulation {
                 }
             }
         }
-        for &c in &self.plan.before[p] {
-            self.couplers[c].plugin.apply(&self.world, step)?;
-        }
-        Ok(())
+        self.world.taken = Some(std::mem::take(&mut self.plan.sinks[p]));
+        let mut before = self.plan.before[p].iter();
+        let applied = before.try_for_each(|&c| self.couplers[c].plugin.apply(&self.world, step));
+        self.plan.sinks[p] = self.world.taken.take().unwrap_or_default();
+        applied
     }
 
     pub(super) fn apply_rest(&mut self, step: Step) -> Result<(), RunError> {
@@ -190,10 +191,12 @@ impl Simulation {
         for &index in &self.plan.owned[p] {
             let field = self.world.fields.field(index);
             let data = field.data();
-            let largest = max_abs(data.flat());
+            let points = self.world.reducer(field.body);
+            let own = points.own(data.flat());
+            let largest = max_abs(own);
             let components = data.components();
             let at = match largest.is_finite() {
-                false => data.flat().iter().position(|v| !v.is_finite()).unwrap_or(0),
+                false => own.iter().position(|v| !v.is_finite()).unwrap_or(0),
                 true => {
                     drop(data);
                     let plugin = &mut self.physics[p].plugin;

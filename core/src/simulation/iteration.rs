@@ -4,7 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Simulation;
 use crate::error::RunError;
-use crate::solver::reduce::{dot, max_abs};
+use crate::field::FieldIndex;
+use crate::solver::Reducer;
+use crate::solver::reduce::max_abs;
 use crate::stepping::Step;
 
 /// Repetition of the staggered pass.
@@ -38,31 +40,52 @@ pub enum Unconverged {
 type State = Vec<Vec<f64>>;
 
 /// Aitken's relaxation of a sequence of states.
-#[derive(Default)]
 struct Aitken {
-    last_residual: Vec<f64>,
+    /// The points of each field.
+    points: Vec<Reducer>,
+    last_residual: State,
     factor: Option<f64>,
 }
 
 impl Aitken {
+    fn new(points: Vec<Reducer>) -> Self {
+        Aitken {
+            points,
+            last_residual: Vec::new(),
+            factor: None,
+        }
+    }
+
+    /// `sum a b` over the points of all fields.
+    fn dot(&self, a: &State, b: &State) -> f64 {
+        let fields = self.points.iter().zip(a.iter().zip(b));
+        fields.map(|(points, (a, b))| points.dot(a, b)).sum()
+    }
+
+    /// The largest value of a field.
+    fn size(points: &Reducer, values: &[f64]) -> f64 {
+        points
+            .max(max_abs(points.own(values)))
+            .max(f64::MIN_POSITIVE)
+    }
+
     /// The state to go on from, after a pass went from `old` to `new`.
     fn relax(&mut self, new: &State, old: &State) -> State {
-        let residual: Vec<f64> = new
-            .iter()
-            .zip(old)
-            .flat_map(|(n, o)| {
-                // fields of all units count alike
-                let scale = max_abs(n).max(f64::MIN_POSITIVE);
-                n.iter().zip(o).map(move |(n, o)| (n - o) / scale)
-            })
-            .collect();
+        let fields = self.points.iter().zip(new.iter().zip(old));
+        let residual = fields.map(|(points, (n, o))| -> Vec<f64> {
+            // fields of all units count alike
+            let scale = Self::size(points, n);
+            n.iter().zip(o).map(|(n, o)| (n - o) / scale).collect()
+        });
+        let residual: State = residual.collect();
         let mut factor = self.factor.unwrap_or(1.0);
         if !self.last_residual.is_empty() {
-            let pairs = residual.iter().zip(&self.last_residual);
-            let difference: Vec<f64> = pairs.map(|(r, l)| r - l).collect();
-            let curvature = dot(&difference, &difference);
+            let fields = residual.iter().zip(&self.last_residual);
+            let difference = fields.map(|(r, l)| r.iter().zip(l).map(|(r, l)| r - l).collect());
+            let difference: State = difference.collect();
+            let curvature = self.dot(&difference, &difference);
             if curvature > 0.0 {
-                factor *= -dot(&self.last_residual, &difference) / curvature;
+                factor *= -self.dot(&self.last_residual, &difference) / curvature;
                 factor = factor.clamp(0.05, 1.5);
             }
         }
@@ -74,16 +97,17 @@ impl Aitken {
         };
         new.iter().zip(old).map(relaxed).collect()
     }
-}
 
-/// Largest relative change of any field.
-fn largest_change(new: &State, old: &State) -> f64 {
-    let change = |(new, old): (&Vec<f64>, &Vec<f64>)| {
-        let pairs = new.iter().zip(old);
-        let worst = pairs.map(|(n, o)| (n - o).abs()).fold(0.0, f64::max);
-        worst / max_abs(new).max(f64::MIN_POSITIVE)
-    };
-    new.iter().zip(old).map(change).fold(0.0, f64::max)
+    /// Largest relative change of any field.
+    fn largest_change(&self, new: &State, old: &State) -> f64 {
+        let change = |(points, (new, old)): (&Reducer, (&Vec<f64>, &Vec<f64>))| {
+            let pairs = points.own(new).iter().zip(old);
+            let worst = pairs.map(|(n, o)| (n - o).abs()).fold(0.0, f64::max);
+            points.max(worst) / Self::size(points, new)
+        };
+        let fields = self.points.iter().zip(new.iter().zip(old));
+        fields.map(change).fold(0.0, f64::max)
+    }
 }
 
 impl Simulation {
@@ -101,7 +125,7 @@ impl Simulation {
         let advanced_to = self.clock.advanced_to.clone();
         let all: Vec<usize> = (0..self.physics.len()).collect();
         let mut guess: Option<State> = None;
-        let mut aitken = Aitken::default();
+        let mut aitken = Aitken::new(self.points_of(&all));
         let mut change = f64::INFINITY;
         for pass in 1..=iteration.passes {
             if pass > 1 {
@@ -125,7 +149,7 @@ impl Simulation {
                 guess = Some(result);
                 continue;
             };
-            change = largest_change(&result, &old);
+            change = aitken.largest_change(&result, &old);
             if change <= iteration.tolerance {
                 return Ok(());
             }
@@ -162,7 +186,7 @@ impl Simulation {
         const PASSES: usize = 500;
         let members = self.plan.groups[g].members.clone();
         let step = Step::new(start, end - start);
-        let mut aitken = Aitken::default();
+        let mut aitken = Aitken::new(self.points_of(&members));
         let mut change = f64::INFINITY;
         for _ in 0..PASSES {
             let old = self.state_of(&members);
@@ -172,7 +196,7 @@ impl Simulation {
                 self.advance(p, end, logging, true)?;
             }
             let new = self.state_of(&members);
-            change = largest_change(&new, &old);
+            change = aitken.largest_change(&new, &old);
             if change <= TOLERANCE {
                 break;
             }
@@ -201,6 +225,13 @@ impl Simulation {
             .collect()
     }
 
+    /// The points of the fields that some physics own.
+    fn points_of(&self, physics: &[usize]) -> Vec<Reducer> {
+        let fields = physics.iter().flat_map(|&p| &self.plan.owned[p]);
+        let body = |f: &FieldIndex| self.world.fields.field(*f).body;
+        fields.map(|f| self.world.reducer(body(f))).collect()
+    }
+
     fn set_state(&self, physics: &[usize], state: &State) {
         let fields = physics.iter().flat_map(|&p| &self.plan.owned[p]);
         for (&f, values) in fields.zip(state) {
@@ -214,6 +245,10 @@ impl Simulation {
 mod tests {
     use super::*;
 
+    fn aitken(fields: usize) -> Aitken {
+        Aitken::new(vec![Reducer::default(); fields])
+    }
+
     /// A state with a component that stays, whose scale does not change between passes.
     fn state(x: f64) -> State {
         vec![vec![1e4, x]]
@@ -225,7 +260,7 @@ mod tests {
     fn aitken_finds_the_fixed_point_of_a_linear_pass() {
         for (a, factor) in [(-0.5, 1.0 / 1.5), (0.2, 1.25), (0.9, 1.5), (-30.0, 0.05)] {
             let pass = |x: f64| a * x + 3.0;
-            let mut aitken = Aitken::default();
+            let mut aitken = aitken(1);
             let first = aitken.relax(&state(pass(1.0)), &state(1.0));
             assert_eq!(first, state(pass(1.0)), "nothing is known yet");
             let old = first[0][1];
@@ -251,7 +286,7 @@ mod tests {
             ]
         };
         let start = vec![vec![1e6 * (1.0 - 1e-4)], vec![1e-6 * (1.0 - 1e-4)]];
-        let mut aitken = Aitken::default();
+        let mut aitken = aitken(2);
         let first = aitken.relax(&pass(&start), &start);
         aitken.relax(&pass(&first), &first);
         // residuals of 0.5 and 1.5, then of 0.25 and -0.75; from the first field alone 2, from the second 2/3
@@ -264,7 +299,7 @@ mod tests {
 
     #[test]
     fn a_factor_is_kept_where_the_residual_does_not_change() {
-        let mut aitken = Aitken::default();
+        let mut aitken = aitken(1);
         aitken.relax(&state(2.0), &state(1.0));
         let relaxed = aitken.relax(&state(3.0), &state(2.0));
         assert_eq!(relaxed, state(3.0));
@@ -279,7 +314,7 @@ mod tests {
             (vec![vec![1.0, -5.0], vec![1e-6, 0.0], vec![0.0]], 0.2),
             (vec![vec![1.5, -4.0], vec![2e-6, 0.0], vec![0.0]], 0.5),
         ] {
-            let found = largest_change(&new, &old);
+            let found = aitken(3).largest_change(&new, &old);
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         }
     }

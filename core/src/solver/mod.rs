@@ -46,6 +46,7 @@ pub use krylov::{
 };
 pub use newton::{Newton, NewtonOptions, NewtonReport};
 pub use reducer::Reducer;
+pub(crate) use reducer::Shared;
 pub use relaxation::{Relaxation, RelaxationOptions, RelaxationReport, fictitious_mass};
 pub use rhs::{At, Rhs, rhs};
 pub use rkl2::Rkl2;

@@ -28,7 +28,7 @@ mod tests;
 
 use super::error::SolverError;
 use super::krylov::{Hints, Krylov, KrylovMethod, KrylovOptions};
-use super::reduce::{dot, norm};
+use super::reducer::Reducer;
 use super::rhs::{At, Rhs};
 use super::vector::update;
 use schemars::JsonSchema;
@@ -150,10 +150,12 @@ impl Newton {
         hints: Hints,
     ) -> Result<NewtonReport, SolverError> {
         self.start(rhs, state.len());
+        let points = &rhs.points();
         rhs.rate(time, state, &mut self.value)?;
+        points.bring(&mut self.value);
         weigh(&self.weights, &mut self.value);
         let mut report = NewtonReport {
-            residual: norm(&self.value),
+            residual: points.norm(&self.value),
             evaluations: 1,
             ..Default::default()
         };
@@ -198,9 +200,9 @@ impl Newton {
             } else {
                 forcing.max(0.5 * tolerance / report.residual)
             };
-            self.find_direction(rhs, at, hints, &mut report)?;
+            self.find_direction(rhs, at, points, hints, &mut report)?;
             let before = report.residual;
-            let found = self.search_line(rhs, at, &mut report)?.ok_or_else(|| {
+            let found = self.search_line(rhs, at, points, &mut report)?.ok_or_else(|| {
                 not_converged(
                     report,
                     "no step along the Newton direction lowers the residual: loads that do not balance, a tolerance below rounding, or a kink of the model",
@@ -245,6 +247,7 @@ impl Newton {
         &mut self,
         rhs: &mut dyn Rhs,
         at: At,
+        points: &Reducer,
         hints: Hints,
         report: &mut NewtonReport,
     ) -> Result<(), SolverError> {
@@ -259,6 +262,7 @@ impl Newton {
             ..
         } = self;
         let has_diagonal = rhs.tangent_diagonal(at, diagonal)?;
+        points.bring(diagonal);
         update(diagonal, [], |entry, []| -entry);
         if has_diagonal {
             weigh(weights, diagonal);
@@ -268,6 +272,7 @@ impl Newton {
             ..hints
         };
         let mut difference = Difference {
+            points,
             linear: options.linear,
             weights,
             value,
@@ -278,6 +283,7 @@ impl Newton {
             |direction, out| {
                 report.evaluations += 1;
                 if rhs.tangent(at, direction, out)? {
+                    points.bring(out);
                     weigh(weights, out);
                 } else {
                     difference.evaluate(rhs, at, direction, out)?;
@@ -287,6 +293,7 @@ impl Newton {
             },
             value,
             step,
+            points,
             hints,
         )?;
         report.krylov_iterations += linear_report.iterations;
@@ -299,6 +306,7 @@ impl Newton {
         &mut self,
         rhs: &mut dyn Rhs,
         at: At,
+        points: &Reducer,
         report: &mut NewtonReport,
     ) -> Result<Option<Accepted>, SolverError> {
         let Self {
@@ -309,15 +317,17 @@ impl Newton {
             weights,
             ..
         } = self;
-        let work = rhs.is_force().then(|| dot(value, step));
+        let work = rhs.is_force().then(|| points.dot(value, step));
         let mut fraction = 1.0;
         while fraction >= SHORTEST_STEP {
             update(trial, [at.state, step], |_, [y, d]| y + fraction * d);
             rhs.rate(at.time, trial, trial_value)?;
+            points.bring(trial_value);
             report.evaluations += 1;
             weigh(weights, trial_value);
-            let residual = norm(trial_value);
-            let works_less = |work| (-WORK_BEYOND..=1.0).contains(&(dot(trial_value, step) / work));
+            let residual = points.norm(trial_value);
+            let works_less =
+                |work| (-WORK_BEYOND..=1.0).contains(&(points.dot(trial_value, step) / work));
             let decreases = residual <= (1.0 - 1e-4 * fraction) * report.residual;
             if decreases || work.is_some_and(works_less) {
                 return Ok(Some(Accepted { fraction, residual }));
@@ -337,6 +347,7 @@ fn weigh(weights: &[f64], vector: &mut [f64]) {
 
 /// The difference quotient that replaces a tangent.
 struct Difference<'a> {
+    points: &'a Reducer,
     /// The function is linear in the state.
     linear: bool,
     weights: &'a [f64],
@@ -357,7 +368,7 @@ impl Difference<'_> {
         direction: &[f64],
         out: &mut [f64],
     ) -> Result<(), SolverError> {
-        let length = norm(direction);
+        let length = self.points.norm(direction);
         if length == 0.0 {
             out.fill(0.0);
             return Ok(());
@@ -367,9 +378,10 @@ impl Difference<'_> {
         } else {
             f64::EPSILON.sqrt()
         };
-        let e = relative * (rhs.scale() + norm(at.state)) / length;
+        let e = relative * (rhs.scale() + self.points.norm(at.state)) / length;
         update(self.trial, [at.state, direction], |_, [y, v]| y + e * v);
         rhs.rate(at.time, self.trial, out)?;
+        self.points.bring(out);
         weigh(self.weights, out);
         update(out, [self.value], |moved, [value]| (moved - value) / e);
         Ok(())

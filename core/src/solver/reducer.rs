@@ -1,33 +1,64 @@
-//! Sums and extremes over the points of a body, whichever process owns them.
+//! Sums and extremes over the points of a body, whichever process owns them, and the exchange of their values.
+
+use std::sync::Arc;
 
 use super::exact::ExactSum;
 use super::reduce::{exact_sum_of, exact_sums_of_points};
 use crate::transport::Processes;
+use crate::transport::exchange::{SharedExchange, lock};
 
 /// Sums and extremes over all points of a body, of which this process owns the first ones. Calls are collective: all processes make the same ones.
 ///
-/// Sums have the same bits for any number of processes, see [`reduce`](super::reduce).
-#[derive(Clone, Debug)]
+/// Sums have the same bits for any number of processes, see [`reduce`](super::reduce). Vectors have the same number of entries for each point; those
+/// behind them belong to no point and count in no sum.
+#[derive(Clone, Debug, Default)]
 pub struct Reducer {
-    /// Points that this process has, and how many of them it owns.
+    /// Points that this process has, and how many of them it owns; zero for vectors of any length.
     points: usize,
     owned: usize,
-    processes: Processes,
+    shared: Shared,
+}
+
+/// What processes that share a body know of each other's points; nothing in a run of one.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Shared {
+    pub(crate) processes: Processes,
+    pub(crate) exchange: SharedExchange,
+    /// Number in the whole body of each point.
+    pub(crate) numbers: Arc<[u32]>,
 }
 
 impl Reducer {
-    /// Of a body of which this process has `points`, and owns the first `owned` ones.
-    pub(crate) fn new(points: usize, owned: usize, processes: Processes) -> Self {
+    /// Of a body of which this process has `points`, and owns the first `owned` ones; others are exchanged with those that share it.
+    pub(crate) fn new(points: usize, owned: usize, shared: Shared) -> Self {
         Reducer {
             points,
             owned,
-            processes,
+            shared,
         }
     }
 
     /// Of points that no other process has a part of.
     pub fn alone(points: usize) -> Self {
-        Reducer::new(points, points, Processes::ALONE)
+        Reducer::new(points, points, Shared::default())
+    }
+
+    /// Replaces values by point by those of the owners of the points; where no bond of this process reaches a point, it becomes zero. Not before
+    /// the run starts.
+    pub fn bring(&self, values: &mut [f64]) {
+        if let Some(transport) = self.processes().transport() {
+            let components = values.len() / self.points;
+            lock(&self.shared.exchange).bring(transport, values, components);
+        }
+    }
+
+    /// Number in the whole body of an entry of a vector of so many entries.
+    pub(super) fn number_of_entry(&self, entry: usize, entries: usize) -> usize {
+        if self.shared.numbers.is_empty() {
+            return entry;
+        }
+        let components = entries / self.points;
+        components * self.shared.numbers[entry / components] as usize + entry % components
     }
 
     /// Number of points that this process owns, the first ones.
@@ -37,7 +68,7 @@ impl Reducer {
 
     /// The processes among which the points are divided.
     pub fn processes(&self) -> &Processes {
-        &self.processes
+        &self.shared.processes
     }
 
     /// The entries of owned points, in a vector by point with any number of components.
@@ -60,6 +91,24 @@ impl Reducer {
         self.total(self.own_sum_of(inputs, f))
     }
 
+    /// `sum_i a_i`.
+    pub fn sum(&self, values: &[f64]) -> f64 {
+        self.sum_of([values], |[value]| value)
+    }
+
+    /// `sum_i a_i b_i`.
+    ///
+    /// # Panics
+    /// When the lengths differ.
+    pub fn dot(&self, a: &[f64], b: &[f64]) -> f64 {
+        self.sum_of([a, b], |[a, b]| a * b)
+    }
+
+    /// Euclidean norm `sqrt(sum_i a_i^2)`.
+    pub fn norm(&self, values: &[f64]) -> f64 {
+        self.sum_of([values], |[value]| value * value).sqrt()
+    }
+
     /// The part of [`Reducer::sum_of`] of the points that this process owns. Not collective.
     ///
     /// # Panics
@@ -79,7 +128,7 @@ impl Reducer {
 
     /// The total of what each process has summed.
     pub fn total(&self, mut own: ExactSum) -> f64 {
-        own.add_up(&self.processes);
+        own.add_up(&self.shared.processes);
         own.value()
     }
 
@@ -93,11 +142,11 @@ impl Reducer {
     /// The largest of what processes have found, if any has, with the numbers that belong to it; those of the first process where several have found
     /// the same.
     pub fn largest<const N: usize>(&self, own: Option<(f64, [f64; N])>) -> Option<(f64, [f64; N])> {
-        if self.processes.size() == 1 {
+        if self.shared.processes.size() == 1 {
             return own;
         }
         let size = self.max(own.map_or(f64::NEG_INFINITY, |own| own.0));
-        let rank = self.processes.rank() as f64;
+        let rank = self.shared.processes.rank() as f64;
         let found = own.filter(|own| own.0 == size);
         let first = self.min(found.map_or(f64::INFINITY, |_| rank));
         let found = found.filter(|_| rank == first);
@@ -107,13 +156,18 @@ impl Reducer {
         first.is_finite().then_some((size, numbers))
     }
 
+    /// Whether something is true in any process.
+    pub fn any(&self, own: bool) -> bool {
+        self.shared.processes.any(own)
+    }
+
     /// The largest number of all processes, NaN if there is one.
     pub fn max(&self, own: f64) -> f64 {
-        self.processes.max(own)
+        self.shared.processes.max(own)
     }
 
     /// The least number of all processes, NaN if there is one.
     pub fn min(&self, own: f64) -> f64 {
-        self.processes.min(own)
+        self.shared.processes.min(own)
     }
 }

@@ -16,7 +16,7 @@
 //! no physical time, and overshoots can break bonds that a slow load would not.
 
 use super::error::{SolverError, same_length};
-use super::reduce::{dot, sum_of};
+use super::reducer::Reducer;
 use super::vector::update;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -86,6 +86,7 @@ impl Relaxation {
     /// after refreshing what follows `u`, such as mirrored boundary layers.
     /// `fictitious_mass`: see [`fictitious_mass`]; positive, in the unit of force per metre.
     /// `loads`: the residual that the relative tolerance refers to, in its unit; zero for that of the initial guess.
+    /// `points`: those to which the entries belong; the forces of those that other processes own are replaced.
     ///
     /// # Errors
     /// No convergence, numbers that are not finite (the mass is too small), vectors of
@@ -95,11 +96,13 @@ impl Relaxation {
         displacement: &mut [f64],
         fictitious_mass: &[f64],
         loads: f64,
+        points: &Reducer,
         mut force: impl FnMut(&[f64], &mut [f64]) -> Result<(), SolverError>,
     ) -> Result<RelaxationReport, SolverError> {
         let n = displacement.len();
         same_length("the fictitious mass", n, fictitious_mass.len())?;
-        if let Some(&value) = fictitious_mass.iter().find(|d| d.is_nan() || **d <= 0.0) {
+        let mut own = points.own(fictitious_mass).iter();
+        if let Some(&value) = own.find(|d| d.is_nan() || **d <= 0.0) {
             return Err(SolverError::OutOfRange {
                 what: "a fictitious mass",
                 value,
@@ -120,8 +123,15 @@ impl Relaxation {
         for iteration in 0.. {
             std::mem::swap(acceleration, previous);
             force(displacement, f)?;
-            update(acceleration, [f, fictitious_mass], |_, [f, d]| f / d);
-            let residual = dot(acceleration, acceleration).sqrt();
+            points.bring(f);
+            // no mass where no bond of this process reaches a point of another one
+            update(acceleration, [f, fictitious_mass], |_, [f, d]| {
+                match d == 0.0 {
+                    true => 0.0,
+                    false => f / d,
+                }
+            });
+            let residual = points.norm(acceleration);
             if !residual.is_finite() {
                 return Err(SolverError::NotFinite {
                     what: "the relaxed force",
@@ -150,7 +160,7 @@ impl Relaxation {
             if iteration == 0 {
                 update(velocity, [acceleration], |_, [a]| 0.5 * a);
             } else {
-                let c = damping(displacement, velocity, acceleration, previous);
+                let c = damping(points, [displacement, velocity, acceleration, previous]);
                 update(velocity, [acceleration], |v, [a]| {
                     ((2.0 - c) * v + 2.0 * a) / (2.0 + c)
                 });
@@ -161,19 +171,16 @@ impl Relaxation {
     }
 }
 
-/// `C`, eqs. 4.19 and 4.20.
-fn damping(displacement: &[f64], velocity: &[f64], acceleration: &[f64], previous: &[f64]) -> f64 {
-    let stiffness = sum_of(
-        [displacement, velocity, acceleration, previous],
-        |[u, v, a, before]| {
-            if v == 0.0 {
-                0.0
-            } else {
-                -u * u * (a - before) / v
-            }
-        },
-    );
-    let length = dot(displacement, displacement);
+/// `C`, eqs. 4.19 and 4.20, from displacement, velocity, acceleration and that before.
+fn damping(points: &Reducer, vectors: [&[f64]; 4]) -> f64 {
+    let stiffness = points.sum_of(vectors, |[u, v, a, before]| {
+        if v == 0.0 {
+            0.0
+        } else {
+            -u * u * (a - before) / v
+        }
+    });
+    let length = points.dot(vectors[0], vectors[0]);
     if stiffness > 0.0 && length > 0.0 {
         let c = 2.0 * (stiffness / length).sqrt();
         if c > 2.0 { 1.9 } else { c }
@@ -216,7 +223,7 @@ mod tests {
             ..Default::default()
         };
         let report = Relaxation::new(options)
-            .solve(&mut u, &mass(n), 0.0, chain)
+            .solve(&mut u, &mass(n), 0.0, &Reducer::default(), chain)
             .unwrap();
         let mut exact = 0.0;
         for (i, u) in u.iter().enumerate() {
@@ -234,12 +241,15 @@ mod tests {
         let of = |stiffness: f64| {
             let (u, v) = (2.0, 0.1);
             let (before, now) = (-stiffness * (u - v), -stiffness * u);
-            damping(&[u], &[v], &[now], &[before])
+            damping(&Reducer::default(), [&[u], &[v], &[now], &[before]])
         };
         assert!((of(0.09) - 0.6).abs() < 1e-12);
         assert_eq!(of(4.0), 1.9);
         assert_eq!(of(-0.09), 0.0);
-        assert_eq!(damping(&[0.0], &[0.1], &[1.0], &[2.0]), 0.0);
+        assert_eq!(
+            damping(&Reducer::default(), [&[0.0], &[0.1], &[1.0], &[2.0]]),
+            0.0
+        );
     }
 
     #[test]
@@ -249,7 +259,9 @@ mod tests {
             max_iterations: 5,
             ..Default::default()
         });
-        let error = relaxation.solve(&mut u, &mass(10), 0.0, chain).unwrap_err();
+        let error = relaxation
+            .solve(&mut u, &mass(10), 0.0, &Reducer::default(), chain)
+            .unwrap_err();
         assert!(
             matches!(error, SolverError::NotConverged { iterations: 5, .. }),
             "{error}"
@@ -259,11 +271,13 @@ mod tests {
             absolute_tolerance: 1e-12,
             ..Default::default()
         };
-        relaxation.solve(&mut u, &mass(10), 0.0, chain).unwrap();
+        relaxation
+            .solve(&mut u, &mass(10), 0.0, &Reducer::default(), chain)
+            .unwrap();
         relaxation.options.absolute_tolerance = 1e-6;
         assert_eq!(
             relaxation
-                .solve(&mut u, &mass(10), 0.0, chain)
+                .solve(&mut u, &mass(10), 0.0, &Reducer::default(), chain)
                 .unwrap()
                 .iterations,
             0
@@ -276,12 +290,12 @@ mod tests {
         let light: Vec<f64> = mass(10).iter().map(|d| d / 4.0).collect();
         assert!(
             Relaxation::default()
-                .solve(&mut u, &light, 0.0, chain)
+                .solve(&mut u, &light, 0.0, &Reducer::default(), chain)
                 .is_err()
         );
         assert!(
             Relaxation::default()
-                .solve(&mut u, &[0.0; 10], 0.0, chain)
+                .solve(&mut u, &[0.0; 10], 0.0, &Reducer::default(), chain)
                 .is_err()
         );
     }

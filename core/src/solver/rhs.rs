@@ -1,6 +1,7 @@
 //! The function that a solver integrates or brings to zero.
 
 use super::error::SolverError;
+use super::reducer::Reducer;
 
 /// A vector function `f(t, y)`: the rate of a state, or the residual force of a body.
 ///
@@ -80,6 +81,13 @@ pub trait Rhs {
     /// residuals include them.
     fn weights(&self) -> Option<&[f64]> {
         None
+    }
+
+    /// The points to which the entries of the state belong: a process alone by default. Where several share them, the entries of points that
+    /// other processes own and bonds reach are right in a state or direction; those that [`Rhs::rate`], [`Rhs::tangent`] and
+    /// [`Rhs::tangent_diagonal`] write are replaced.
+    fn points(&self) -> Reducer {
+        Reducer::default()
     }
 }
 

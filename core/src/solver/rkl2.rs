@@ -108,7 +108,9 @@ impl Rkl2 {
         let s = stages as f64;
         let w = 4.0 / (s * s + s - 2.0);
 
+        let points = rhs.points();
         rhs.rate(time, state, first_rate)?;
+        points.bring(first_rate);
         previous.fill(0.0);
         update(increment, [first_rate], |_, [f0]| b(1.0) * w * dt * f0);
         // the same recursion for y' = 1 gives the time of each stage, as a fraction of dt
@@ -121,6 +123,7 @@ impl Rkl2 {
 
             update(stage, [state, increment], |_, [y, d]| y + d);
             rhs.rate(time + fraction * dt, stage, rate)?;
+            points.bring(rate);
             update(
                 previous,
                 [increment, rate, first_rate],
@@ -152,6 +155,7 @@ impl Rkl2 {
         error: &mut [f64],
     ) -> Result<(), SolverError> {
         rhs.rate(time + dt, after, &mut self.rate)?;
+        rhs.points().bring(&mut self.rate);
         let s = self.stages as f64;
         let c = (s * s + s - 6.0) / (s * s + s - 2.0) / 9.0;
         let factor = (1.0 / 6.0 - c) / (1.0 / 4.0 - c);

@@ -3,7 +3,6 @@
 use super::error::SolverError;
 use super::krylov::{Hints, NullSpace};
 use super::newton::{Newton, NewtonReport};
-use super::reduce::{dot, sum};
 use super::rhs::Rhs;
 use super::vector::update;
 
@@ -32,19 +31,20 @@ pub fn steady_state(
         return newton.solve(rhs, time, state, Hints::default());
     }
     let weights: Option<Vec<f64>> = rhs.weights().map(<[f64]>::to_vec);
+    let points = rhs.points();
     let total = |state: &[f64]| match &weights {
-        Some(weights) => dot(state, weights),
-        None => sum(state),
+        Some(weights) => points.dot(state, weights),
+        None => points.sum(state),
     };
     let before = total(state);
-    let constant = NullSpace::constant(state.len());
+    let constant = NullSpace::constant(state.len(), &points);
     let hints = Hints {
         null_space: Some(&constant),
         ..Hints::default()
     };
     let report = newton.solve(rhs, time, state, hints)?;
     // the projection keeps the sum to rounding in each iteration; this removes the accumulated error
-    let size = weights.as_deref().map_or(state.len() as f64, sum);
+    let size = total(&vec![1.0; state.len()]);
     let excess = (total(state) - before) / size;
     update(state, [], |y, []| y - excess);
     Ok(report)
@@ -53,6 +53,7 @@ pub fn steady_state(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::solver::reduce::{dot, sum};
     use crate::solver::test_problems::insulated_bar;
     use crate::solver::{KrylovMethod, NewtonOptions, rhs};
 

@@ -9,6 +9,7 @@
 //! | [`Memory`] | threads of one program |
 //! | `Mpi` | those of an MPI program (feature `mpi`) |
 
+pub(crate) mod exchange;
 mod memory;
 #[cfg(feature = "mpi")]
 mod mpi;

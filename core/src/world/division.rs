@@ -5,67 +5,28 @@
 //! wrong at the other ones after a step: [`World::exchange`] brings the values of their owners. Sums over points go through
 //! [`World::reducer`].
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use super::{BodyIndex, World};
 use crate::body::{Horizon, Part, partition};
 use crate::error::SetupError;
 use crate::field::{FieldIndex, Write};
 use crate::point_rows::PointRows;
-use crate::solver::Reducer;
-use crate::transport::{Message, Processes, Transport};
+use crate::solver::{Reducer, Shared};
+use crate::transport::exchange::{Exchange, Neighbour, SharedExchange, lock};
+use crate::transport::{Processes, Transport};
 
 /// The points of a body that this process has.
 #[derive(Debug)]
 pub(crate) struct Division {
     /// Number in the whole body of each point; owned ones first, each part ascending.
-    pub(crate) numbers: Vec<u32>,
+    pub(crate) numbers: Arc<[u32]>,
     pub(crate) owned: usize,
     /// Number of points of the whole body.
     points: usize,
     /// The process that owns each of the points around the owned ones.
     owners: Vec<u32>,
-    exchange: Arc<Mutex<Exchange>>,
-}
-
-/// What processes exchange at the points of a body.
-#[derive(Debug, Default)]
-struct Exchange {
-    neighbours: Vec<Neighbour>,
-    messages: Vec<Message>,
-}
-
-/// The points of a body that other processes own and the bonds of this one reach ([`World::remote_points`]).
-#[derive(Clone, Debug, Default)]
-pub struct RemotePoints {
-    exchange: Option<Arc<Mutex<Exchange>>>,
-    processes: Processes,
-}
-
-impl RemotePoints {
-    /// Brings values by point, of a number of components, those of the owners of these points. Collective; not before the run starts.
-    pub fn bring(&self, values: &mut [f64], components: usize) {
-        let (Some(exchange), Some(transport)) = (&self.exchange, self.processes.transport()) else {
-            return;
-        };
-        let mut exchange = lock(exchange);
-        exchange.send(transport, |to, message| {
-            to.pack(values, components, message);
-        });
-        exchange.receive(|from, rest| from.unpack(rest, components, values));
-    }
-}
-
-fn lock(exchange: &Mutex<Exchange>) -> MutexGuard<'_, Exchange> {
-    exchange.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Points whose values go to another process and come from it, in the same order on both sides.
-#[derive(Debug)]
-struct Neighbour {
-    process: usize,
-    sent: Vec<u32>,
-    received: Vec<u32>,
+    exchange: SharedExchange,
 }
 
 impl World {
@@ -74,15 +35,16 @@ impl World {
         &self.processes
     }
 
-    /// Sums and extremes over the points of a body.
+    /// Sums and extremes over the points of a body, and the values of those that other processes own.
     pub fn reducer(&self, body: BodyIndex) -> Reducer {
         let points = self.bodies[body].points.len();
         let owned = self.divisions[body].as_ref().map_or(points, |d| d.owned);
-        let processes = match &self.divisions[body] {
-            Some(_) => self.processes.clone(),
-            None => Processes::ALONE,
-        };
-        Reducer::new(points, owned, processes)
+        let shared = self.divisions[body].as_ref().map(|division| Shared {
+            processes: self.processes.clone(),
+            exchange: division.exchange.clone(),
+            numbers: division.numbers.clone(),
+        });
+        Reducer::new(points, owned, shared.unwrap_or_default())
     }
 
     /// Number of points of the whole body.
@@ -162,7 +124,7 @@ impl World {
             owned: owned.len(),
             points: owner.len(),
             owners: others.iter().map(|p| owner[*p as usize]).collect(),
-            numbers,
+            numbers: numbers.into(),
             exchange: Arc::default(),
         });
         self.bodies[body] = part;
@@ -232,14 +194,6 @@ impl World {
         }
     }
 
-    /// The points of other processes around those of a body that this process owns.
-    pub fn remote_points(&self, body: BodyIndex) -> RemotePoints {
-        RemotePoints {
-            exchange: self.divisions[body].as_ref().map(|d| d.exchange.clone()),
-            processes: self.processes.clone(),
-        }
-    }
-
     /// Rows of owned points of a body as those of the whole body, in all processes. Collective.
     pub fn rows_of_whole(&self, body: BodyIndex, rows: PointRows) -> PointRows {
         let (Some(division), Some(transport)) = (&self.divisions[body], self.processes.transport())
@@ -289,47 +243,6 @@ impl World {
             }
         });
         (transport.rank() == 0).then_some(whole)
-    }
-}
-
-impl Exchange {
-    /// Sends each neighbour what `pack` adds to its message.
-    fn send(&mut self, transport: &dyn Transport, pack: impl Fn(&Neighbour, &mut Message)) {
-        for (neighbour, message) in self.neighbours.iter().zip(&mut self.messages) {
-            message.sent.clear();
-            message.received.clear();
-            pack(neighbour, message);
-        }
-        transport.exchange(&mut self.messages);
-    }
-
-    /// Passes what came from each neighbour to `unpack`, in the order in which it was packed.
-    fn receive(&self, mut unpack: impl FnMut(&Neighbour, &mut &[f64])) {
-        for (neighbour, message) in self.neighbours.iter().zip(&self.messages) {
-            unpack(neighbour, &mut &message.received[..]);
-        }
-    }
-}
-
-impl Neighbour {
-    /// Adds values by point to a message, and makes room for those of the neighbour.
-    fn pack(&self, values: &[f64], components: usize, message: &mut Message) {
-        for &point in &self.sent {
-            let first = point as usize * components;
-            let of_point = &values[first..first + components];
-            message.sent.extend_from_slice(of_point);
-        }
-        let length = message.received.len() + self.received.len() * components;
-        message.received.resize(length, 0.0);
-    }
-
-    /// Takes values by point from the rest of a message.
-    fn unpack(&self, rest: &mut &[f64], components: usize, values: &mut [f64]) {
-        for &point in &self.received {
-            let (here, behind) = rest.split_at(components);
-            values[point as usize * components..][..components].copy_from_slice(here);
-            *rest = behind;
-        }
     }
 }
 
@@ -391,20 +304,13 @@ impl Division {
         let neighbours = sent.into_iter().zip(received).enumerate();
         let neighbours =
             neighbours.filter(|(_, (sent, received))| !(sent.is_empty() && received.is_empty()));
-        let neighbours: Vec<_> = neighbours
-            .map(|(process, (sent, received))| Neighbour {
-                process,
-                sent,
-                received,
-            })
-            .collect();
-        let message = |neighbour: &Neighbour| Message {
-            process: neighbour.process,
-            ..Message::default()
-        };
-        Exchange {
-            messages: neighbours.iter().map(message).collect(),
-            neighbours,
-        }
+        let neighbours = neighbours.map(|(process, (sent, received))| Neighbour {
+            process,
+            sent,
+            received,
+        });
+        let others = self.owned..self.numbers.len();
+        let beyond = others.filter(|p| !is_needed[*p]).map(|p| p as u32);
+        Exchange::new(neighbours.collect(), beyond.collect())
     }
 }

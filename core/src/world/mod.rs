@@ -29,7 +29,6 @@ use crate::transport::Processes;
 use changes::Changes;
 use configuration::Configurations;
 use division::Division;
-pub use division::RemotePoints;
 use exchange::{Exchange, SurfaceDepth};
 use facts::{Fact, FactRule, Facts};
 use families::WorldFamily;
@@ -218,6 +217,8 @@ pub struct World {
     broken: Vec<RefCell<BrokenPairs>>,
     /// Bodies with a window of finer points that moves.
     pub(crate) refinements: Vec<Refinement>,
+    /// Sinks that the physics to be advanced takes; `None` for all.
+    pub(crate) taken: Option<Vec<FieldIndex>>,
     processes: Processes,
     /// By body: the part that this process has, where several processes share the run.
     pub(crate) divisions: Vec<Option<Division>>,
@@ -281,6 +282,13 @@ impl World {
         let regions = &self.bodies[body].regions;
         let unknown = || SetupError::unknown(key, "region", name, regions.keys());
         regions.get(name).ok_or_else(unknown)
+    }
+
+    /// Whether a physics takes what is now added to a sink. A coupler that adds to sinks of several physics is applied before each of them, and
+    /// what it adds to those of others is dropped.
+    pub fn is_taken<T>(&self, sink: Write<T>) -> bool {
+        let taken = self.taken.as_ref();
+        taken.is_none_or(|taken| taken.contains(&sink.field))
     }
 
     /// Facts of a type about a body, in the order in which they were published.

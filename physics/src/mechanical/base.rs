@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Matrix3;
 use perimelt_core::family::{Continuation, LayerRule, WithTractions};
 use perimelt_core::parallel::ParallelLoop;
-use perimelt_core::world::RemotePoints;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Body, BondKernel, BrokenBonds, Family, SlotField};
 use rayon::prelude::*;
 
@@ -95,8 +95,8 @@ pub struct SolidBase {
     pub(super) relieved: RelievedModes,
     pub(super) continuation: Continuation,
     pub(super) layer_forces: LayerForces,
-    /// The points of other processes around those of the body.
-    pub(super) remote: RemotePoints,
+    /// The points of the body, which processes may share.
+    pub(super) points: Reducer,
     /// Sums with as many components as the dimension, in 2D.
     pub(super) padded: Vec<f64>,
     /// Energy density and conjugate stress of each point.
@@ -119,7 +119,7 @@ impl SolidBase {
             plasticity,
             fracture,
             in_motion,
-            remote,
+            points: reducer,
             ..
         } = constitution;
         SolidBase {
@@ -138,7 +138,7 @@ impl SolidBase {
             relieved: RelievedModes::default(),
             continuation: Continuation::default(),
             layer_forces: LayerForces::new(dimension, &body.points.volume, in_motion),
-            remote,
+            points: reducer,
             padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
             energy: vec![[0.0; 2]; points],
             tensors: vec![[0.0; 6]; points],

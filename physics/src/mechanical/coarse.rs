@@ -36,7 +36,9 @@ impl Coarse {
         let moduli: Vec<_> = (0..body.points.len()).map(moduli).collect();
         let broken = solid.broken();
         let total = broken.map_or(0, BrokenBonds::total);
-        if self.moduli == moduli && self.constraint == *constraint && self.broken == total {
+        let is_known =
+            self.moduli == moduli && self.constraint == *constraint && self.broken == total;
+        if !residual.points.any(!is_known) {
             return;
         }
         let stiffness = |moduli: &Option<Moduli>| {
@@ -77,7 +79,13 @@ fn coarse_space(
         })
     });
     let positions = residual.solid.base().nodes.positions(body);
-    CoarseSpace::new(positions, dimension, free.collect(), springs)
+    CoarseSpace::new(
+        positions,
+        dimension,
+        free.collect(),
+        &residual.points,
+        springs,
+    )
 }
 
 /// The bonds of a body as springs.
@@ -118,6 +126,9 @@ impl<'a> Springs<'a> {
             scales[image.slot] = image.scale;
         }
         let stand_in = |point: usize| {
+            if point >= family.points() {
+                return 1.0;
+            }
             let [mut all, mut own] = [0.0; 2];
             family.for_each_bond(point, |_, bond, slot| {
                 all += bond.weight;
@@ -127,10 +138,14 @@ impl<'a> Springs<'a> {
             });
             if own > 0.0 { all / own } else { 1.0 }
         };
-        let points = 0..stiffness.len();
-        let stand_in = points.into_par_iter().map(stand_in).collect();
+        let points = &residual.points;
+        let stand_in = (0..stiffness.len()).into_par_iter().map(stand_in);
+        let mut stand_in: Vec<f64> = stand_in.collect();
+        points.bring(&mut stand_in);
+        let [count] = points.sum_points(|_| [1.0]);
+        let bonds = points.total_of(family.bonds() as f64);
         // springs to the nearest neighbours along the axes alone do not resist shear
-        let nearest_only = family.bonds() <= 2 * dimension * stiffness.len() && dimension > 1;
+        let nearest_only = bonds <= 2.0 * dimension as f64 * count && dimension > 1;
         Springs {
             volumes: residual.volumes,
             family,

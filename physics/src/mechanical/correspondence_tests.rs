@@ -3,7 +3,7 @@
 use super::gradient::RISE;
 use nalgebra::Vector3;
 use perimelt_core::body::{Body, Jitter, Store};
-use perimelt_core::solver::largest_eigenvalue;
+use perimelt_core::solver::{Reducer, largest_eigenvalue};
 use perimelt_core::{Setup, World};
 
 use super::Mechanical;
@@ -260,7 +260,7 @@ fn damaged_bodies_are_stable_at_the_stable_step() {
             let mut solid = damaged(body, horizon, leaving(fraction));
             let free = |i: usize| if i % 3 < body.dimension { 1.0 } else { 0.0 };
             let inverse: Vec<f64> = (0..3 * body.points.len()).map(free).collect();
-            largest_eigenvalue(&inverse, |u, out| {
+            largest_eigenvalue(&inverse, &Reducer::default(), |u, out| {
                 solid.set_displacement(u, &[]);
                 solid.stiffness(Stiffness::Elastic, out);
             })

@@ -1,9 +1,9 @@
 //! Equilibrium: the displacement at which bond forces and loads balance.
 
 use perimelt_core::family::LayerRule;
-use perimelt_core::solver::reduce::{max_abs, norm};
+use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::solver::{
-    Hints, KrylovMethod, Newton, NewtonOptions, NewtonReport, NullSpace, Relaxation,
+    Hints, KrylovMethod, Newton, NewtonOptions, NewtonReport, NullSpace, Reducer, Relaxation,
     RelaxationOptions, Rhs, SolverError, fictitious_mass, largest_eigenvalue,
 };
 use perimelt_core::{Body, Step, Work, World};
@@ -71,9 +71,10 @@ impl Statics {
         present: &[bool],
     ) -> Result<(), SolverError> {
         let held = residual.constraint.iter().filter(|c| **c > 0.0).count();
-        if self.rigid.as_ref().is_none_or(|rigid| rigid.held != held) {
+        let has_changed = self.rigid.as_ref().is_none_or(|rigid| rigid.held != held);
+        if residual.points.any(has_changed) {
             let positions = residual.solid.base().nodes.positions(body);
-            let mut modes = rigid_modes(positions, body.dimension);
+            let mut modes = rigid_modes(positions, &residual.points, body.dimension);
             for mode in &mut modes {
                 let (points, _) = mode.as_chunks_mut::<3>();
                 let points = points.iter_mut().zip(residual.present);
@@ -85,10 +86,10 @@ impl Statics {
             self.rigid = Some(FreeRigidModes { held, space });
         }
         self.coarse.update(body, residual, present);
-        // Traction layers follow the points, but points do not follow the layers: this makes the tangent
-        // nonsymmetric. So does plastic flow that follows another strain than that of the bonds, or whose law is nonsymmetric.
+        // Layers under traction and those that hold follow the points in another way than a mirror image would, but points do not follow the
+        // layers: this makes the tangent nonsymmetric. So does plastic flow that follows another strain than that of the bonds, or whose law is nonsymmetric.
         let has_layers = residual.solid.base().nodes.corners().is_none();
-        let nonsymmetric = has_layers && residual.rules.iter().any(|r| r.traction.is_some())
+        let nonsymmetric = has_layers && residual.rules.iter().any(|rule| !rule.is_symmetric())
             || residual.tangent == Tangent::Linearised
                 && !residual.solid.base().has_symmetric_tangent();
         self.newton.options.krylov = match nonsymmetric {
@@ -184,7 +185,8 @@ pub(super) fn balance_and_break(
         run.solid.evaluate(Wanted::force(&mut run.work));
         work.evaluations += 1;
         let fraction = if once { 0.0 } else { TOGETHER };
-        if !run.break_bonds(world, fraction) || once {
+        let broke = run.break_bonds(world, fraction);
+        if !world.reducer(run.body).any(broke) || once {
             return Ok(work);
         }
     }
@@ -200,6 +202,7 @@ pub(super) fn newton(
     let sinks = run.fields.loads(world);
     let loads = sinks.of_points(&rules);
     let nodes = run.nodes().clone();
+    let of_nodes = run.node_reducer(world);
     let constraint = &run.constraints(world)[..];
     let mut displacement = world.write(run.fields.displacement);
     let body = world.body(run.body);
@@ -229,6 +232,7 @@ pub(super) fn newton(
         volumes: (!relative_volume.is_empty()).then_some(&relative_volume[..]),
         constraint,
         present: &present,
+        points: of_nodes,
         dimension: body.dimension,
     };
     statics.update(&mut residual, body, points)?;
@@ -238,8 +242,8 @@ pub(super) fn newton(
     let search = Search {
         held: work,
         time: step.end(),
-        rounding: rounding(residual.solid, run.eigenstrain_size, state),
-        is_guessed: statics.has_free_modes() || *state != work[..],
+        rounding: rounding(&mut residual, run.eigenstrain_size, state),
+        is_guessed: statics.has_free_modes() || residual.points.any(*state != work[..]),
         is_plastic,
     };
     let report = statics.solve(&mut residual, state, &search)?;
@@ -315,7 +319,7 @@ fn size_of_loads(
     if let Some(rigid) = rigid {
         rigid.project(&mut loads);
     }
-    Ok(norm(&loads))
+    Ok(residual.points.norm(&loads))
 }
 
 /// The displacement of held components, zero elsewhere.
@@ -326,11 +330,14 @@ fn held_part(displacement: &[f64], constraint: &[f64]) -> impl Iterator<Item = f
 
 /// Rounding of the sum of forces that cancel, N/m³ in the norm over all points. Loads may be no larger, as those
 /// of a body that is uniformly heated between walls.
-fn rounding(solid: &mut dyn Solid, eigenstrain: f64, displacement: &[f64]) -> f64 {
+fn rounding(residual: &mut Residual<'_>, eigenstrain: f64, displacement: &[f64]) -> f64 {
     const RELATIVE: f64 = 1e-14;
+    let (solid, points) = (&mut *residual.solid, &residual.points);
     let diagonal: Vec<f64> = solid.blocks().iter().map(|b| b[0] + b[1] + b[2]).collect();
-    let extension = eigenstrain * solid.base().largest_horizon() + max_abs(displacement);
-    RELATIVE * norm(&diagonal) * extension
+    let horizon = points.max(solid.base().largest_horizon());
+    let extension =
+        points.max(eigenstrain) * horizon + points.max(max_abs(points.own(displacement)));
+    RELATIVE * points.norm(&diagonal) * extension
 }
 
 /// Brings `run` into equilibrium by adaptive dynamic relaxation.
@@ -339,6 +346,7 @@ pub(super) fn relax(run: &mut MechanicalRun, world: &World) -> Result<Work, Solv
     let sinks = run.fields.loads(world);
     let loads = sinks.of_points(&rules);
     let nodes = run.nodes().clone();
+    let points = &run.node_reducer(world);
     let constraint = &run.constraints(world)[..];
     let mut displacement = world.write(run.fields.displacement);
     let dimension = world.body(run.body).dimension;
@@ -353,7 +361,7 @@ pub(super) fn relax(run: &mut MechanicalRun, world: &World) -> Result<Work, Solv
     } = run;
     let body_force = nodes.loads(loads, present, buffer);
     let free = |i: usize| constraint[i] == 0.0 && i % 3 < dimension;
-    load_fictitious_mass(&mut **solid, work, &rules, free);
+    load_fictitious_mass(&mut **solid, work, &rules, points, free);
     let state = nodes.values_mut(&mut displacement, &mut corners.displacement);
     let mut unbalanced = |u: &[f64], force: &mut [f64]| {
         solid.set_displacement(u, &rules);
@@ -371,7 +379,7 @@ pub(super) fn relax(run: &mut MechanicalRun, world: &World) -> Result<Work, Solv
     let accelerations = loads.iter_mut().zip(&run.work);
     accelerations.for_each(|(load, mass)| *load /= mass);
     let relaxation = &mut run.statics.relaxation;
-    let report = relaxation.solve(state, &run.work, norm(&loads), unbalanced)?;
+    let report = relaxation.solve(state, &run.work, points.norm(&loads), points, unbalanced)?;
     drop(displacement);
     run.write_means(world);
     Ok(Work {
@@ -386,6 +394,7 @@ fn load_fictitious_mass(
     solid: &mut dyn Solid,
     masses: &mut [f64],
     rules: &[LayerRule],
+    points: &Reducer,
     is_free: impl Fn(usize) -> bool,
 ) {
     for (mass, block) in masses.chunks_exact_mut(3).zip(solid.blocks()) {
@@ -394,11 +403,18 @@ fn load_fictitious_mass(
         let least = if trace > 0.0 { trace } else { 1.0 };
         (0..3).for_each(|axis| mass[axis] = block[axis] + least);
     }
+    points.bring(masses);
     let inverse = masses.iter().enumerate();
-    let inverse = inverse.map(|(i, mass)| if is_free(i) { 1.0 / mass } else { 0.0 });
+    let inverse = inverse.map(|(i, mass)| {
+        if is_free(i) && *mass > 0.0 {
+            1.0 / mass
+        } else {
+            0.0
+        }
+    });
     let inverse: Vec<f64> = inverse.collect();
     let homogeneous: Vec<LayerRule> = rules.iter().map(LayerRule::homogeneous).collect();
-    let stiffest = largest_eigenvalue(&inverse, |u, out| {
+    let stiffest = largest_eigenvalue(&inverse, points, |u, out| {
         solid.set_displacement(u, &homogeneous);
         solid.stiffness(Stiffness::Elastic, out);
     });

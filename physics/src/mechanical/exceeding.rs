@@ -1,6 +1,7 @@
 //! Bonds beyond their limits, and how they break.
 
 use perimelt_core::family::BrokenBonds;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Bond, Family};
 
 /// A bond beyond its limit.
@@ -58,10 +59,12 @@ impl Breakable<'_> {
 }
 
 impl Exceeding {
-    /// Keeps those with at least `fraction` of the largest load.
-    pub(super) fn keep_largest(found: &mut Vec<Exceeding>, fraction: f64) {
-        let largest = found.iter().map(|e| e.ratio).fold(0.0, f64::max);
-        found.retain(|e| e.ratio >= fraction * largest);
+    /// Keeps those with at least `fraction` of the largest load of all processes that share the points.
+    pub(super) fn keep_largest(found: &mut Vec<Exceeding>, fraction: f64, points: &Reducer) {
+        if fraction > 0.0 {
+            let largest = points.max(found.iter().map(|e| e.ratio).fold(0.0, f64::max));
+            found.retain(|e| e.ratio >= fraction * largest);
+        }
     }
 
     /// Breaks both directions of the bond, and passes each that was intact to `on_break`: its point, its number there. The

@@ -24,6 +24,7 @@ mod state;
 
 use perimelt_core::family::BrokenBonds;
 use perimelt_core::material::Property;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Body, Bond, Family, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -350,6 +351,7 @@ impl Fracture {
     pub fn break_bonds(
         &mut self,
         family: &Family,
+        points: &Reducer,
         fraction: f64,
         damage: &mut [f64],
         loads: BondLoads<impl Fn(&Bond, usize, usize) -> f64, impl Fn(usize, &Bond, usize) -> f64>,
@@ -365,8 +367,8 @@ impl Fracture {
             family,
             broken: self.broken(),
         };
-        let points = (0..family.points()).filter(exceeds);
-        breakable.find_exceeding(points, ratio, &mut exceeding);
+        let own = (0..family.points()).filter(exceeds);
+        breakable.find_exceeding(own, ratio, &mut exceeding);
         for &(slot, remote) in family.remote() {
             if exceeds(&(remote as usize)) {
                 let others = family.owned_around(slot as usize);
@@ -380,7 +382,7 @@ impl Fracture {
                 breakable.find_exceeding(others, ratio, &mut exceeding);
             }
         }
-        Exceeding::keep_largest(&mut exceeding, fraction);
+        Exceeding::keep_largest(&mut exceeding, fraction, points);
         let FractureState { broken, frozen, .. } = &mut self.state;
         let broken = &mut broken[0];
         let mut lost: Vec<[usize; 2]> = Vec::new();

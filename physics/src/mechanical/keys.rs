@@ -130,7 +130,7 @@ pub enum MechanicalSolver {
     QuasiStatic {
         /// Unbalanced force relative to the loads at which the iteration stops.
         #[serde(default = "tolerance")]
-        #[schemars(extend("exclusiveMinimum" = 0))]
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
         tolerance: f64,
     },
     /// Equilibrium at every step by adaptive dynamic relaxation, as published; `relative_tolerance`
@@ -143,6 +143,21 @@ pub enum MechanicalSolver {
         #[schemars(extend("minimum" = 0))]
         damping: f64,
     },
+}
+
+/// Refuses tolerances relative to the loads that all states meet.
+fn check_tolerance(key: &str, tolerance: f64, is_positive: bool) -> Result<(), SetupError> {
+    match is_positive && tolerance < 1.0 {
+        true => Ok(()),
+        false => {
+            let message = format!("`{key}` is {tolerance}");
+            Err(SetupError::value(
+                key,
+                message,
+                "a number above 0 and below 1",
+            ))
+        }
+    }
 }
 
 pub(super) fn tolerance() -> f64 {
@@ -189,14 +204,17 @@ impl Mechanical {
         };
         at_least_zero("stabilisation", self.stabilisation.unwrap_or(0.0))?;
         match self.solver {
-            MechanicalSolver::QuasiStatic { tolerance } if !(tolerance > 0.0) => {
-                let message = format!("the tolerance is {tolerance}");
-                Err(SetupError::value("solver", message, "a number above 0"))
+            MechanicalSolver::QuasiStatic { tolerance } => {
+                check_tolerance("solver.quasi_static.tolerance", tolerance, tolerance > 0.0)
             }
+            MechanicalSolver::Relaxation(options) => check_tolerance(
+                "solver.relaxation.relative_tolerance",
+                options.relative_tolerance,
+                options.relative_tolerance >= 0.0,
+            ),
             MechanicalSolver::Explicit { damping } => {
                 at_least_zero("solver.explicit.damping", damping)
             }
-            _ => Ok(()),
         }
     }
 }

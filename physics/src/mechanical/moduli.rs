@@ -143,6 +143,17 @@ impl Elasticity {
             true => None,
             false => Some(setup.world().property(body, "poissons_ratio")?),
         };
+        for ratio in poissons_ratio.iter().flatten() {
+            // of the ends of the range the bulk or the shear modulus is infinite
+            if let Some(value) = [-1.0, 0.5]
+                .into_iter()
+                .find(|end| ratio.values().contains(end))
+            {
+                let message = format!("a material of the body has the `poissons_ratio` {value}");
+                let expected = "a number above -1 and below 0.5, such as 0.499";
+                return Err(SetupError::value("", message, expected));
+            }
+        }
         Ok(Elasticity {
             dimension: setup.body(body).dimension,
             plane,

@@ -135,12 +135,6 @@ fn check_formulation(
         }
     };
     refuse(
-        keys.solver.damping().is_none(),
-        "solver",
-        "several processes share explicit motion only",
-        "`solver.explicit`, or one process",
-    )?;
-    refuse(
         !is_of_bonds,
         "formulation",
         "several processes share solids with forces along bonds only",
@@ -343,7 +337,8 @@ fn constitution(
         elasticity,
         finite: keys.kinematics == Kinematics::Finite,
         in_motion: keys.solver.damping().is_some(),
-        remote: setup.world().remote_points(body),
+        symmetry: setup.world().symmetry(body),
+        points: setup.world().reducer(body),
         plasticity: match flow {
             Some(flow) => Some(Plasticity::of(flow, setup.body(body), keys.plane)?),
             None => None,

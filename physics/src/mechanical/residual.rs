@@ -1,7 +1,7 @@
 //! Unbalanced force of a body, for Newton's method.
 
 use perimelt_core::family::LayerRule;
-use perimelt_core::solver::{At, Rhs, SolverError};
+use perimelt_core::solver::{At, Reducer, Rhs, SolverError};
 
 use super::solid::{Solid, Stiffness, Wanted};
 
@@ -17,6 +17,8 @@ pub(super) struct Residual<'a> {
     pub(super) constraint: &'a [f64],
     /// Whether each point has material; empty for a body that does not grow.
     pub(super) present: &'a [bool],
+    /// The points to which the displacements belong.
+    pub(super) points: Reducer,
     pub(super) dimension: usize,
     pub(super) tangent: Tangent,
 }
@@ -79,11 +81,16 @@ impl Rhs for Residual<'_> {
     /// The norm of displacements of a horizon each, so that the tangent by differences does not depend on the size
     /// of the body.
     fn scale(&self) -> f64 {
-        self.solid.base().largest_horizon() * (self.constraint.len() as f64).sqrt()
+        let components = self.points.sum_of([self.constraint], |_| 1.0);
+        self.points.max(self.solid.base().largest_horizon()) * components.sqrt()
     }
 
     fn weights(&self) -> Option<&[f64]> {
         self.volumes
+    }
+
+    fn points(&self) -> Reducer {
+        self.points.clone()
     }
 
     fn is_force(&self) -> bool {
@@ -112,7 +119,7 @@ impl Rhs for Residual<'_> {
             let zeros = out.iter_mut().filter(|d| **d == 0.0);
             zeros.for_each(|d| *d = -1.0);
         }
-        match out.iter().position(|&d| d == 0.0) {
+        match self.points.own(out).iter().position(|&d| d == 0.0) {
             Some(component) => Err(SolverError::model(UnresistedPoint {
                 point: component / 3,
                 axis: ["x", "y", "z"][component % 3],
@@ -168,6 +175,10 @@ impl Rhs for Linearised<'_, '_> {
 
     fn weights(&self) -> Option<&[f64]> {
         self.residual.weights()
+    }
+
+    fn points(&self) -> Reducer {
+        self.residual.points()
     }
 
     fn tangent_diagonal(&mut self, at: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {

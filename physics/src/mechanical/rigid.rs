@@ -1,19 +1,24 @@
 //! Rigid modes of a body, which its stiffness does not resist.
 
 use nalgebra::Vector3;
-use perimelt_core::solver::reduce::norm;
-use perimelt_core::solver::{NullSpace, SolverError};
+use perimelt_core::solver::{NullSpace, Reducer, SolverError};
 
 use super::residual::Residual;
 use super::solid::Stiffness;
 
-/// Translations and infinitesimal rotations of the points, three components each.
-pub(super) fn rigid_modes(position: &[Vector3<f64>], dimension: usize) -> Vec<Vec<f64>> {
-    let centre = position.iter().sum::<Vector3<f64>>() / position.len() as f64;
-    let size = position
-        .iter()
-        .map(|x| (x - centre).norm())
-        .fold(0.0, f64::max);
+/// Translations and infinitesimal rotations of points, three components each.
+pub(super) fn rigid_modes(
+    position: &[Vector3<f64>],
+    points: &Reducer,
+    dimension: usize,
+) -> Vec<Vec<f64>> {
+    let [x, y, z, count] = points.sum_points(|i| {
+        let x = &position[i];
+        [x[0], x[1], x[2], 1.0]
+    });
+    let centre = Vector3::new(x, y, z) / count;
+    let distances = position.iter().map(|x| (x - centre).norm());
+    let size = points.max(distances.fold(0.0, f64::max));
     let mode = |motion: &dyn Fn(Vector3<f64>) -> Vector3<f64>| {
         position
             .iter()
@@ -37,18 +42,16 @@ pub(super) fn free_rigid_modes(
     modes: Vec<Vec<f64>>,
 ) -> Result<NullSpace, SolverError> {
     let mut free = Vec::new();
+    let points = &residual.points;
     let mut resistance = vec![0.0; modes[0].len()];
-    let stiffness = residual
-        .solid
-        .blocks()
-        .iter()
-        .map(|b| b[0])
-        .fold(0.0, f64::max);
+    let stiffness = residual.solid.blocks().iter().map(|b| b[0]);
+    let stiffness = points.max(stiffness.fold(0.0, f64::max));
     for mode in modes {
         let held = mode
             .iter()
             .zip(residual.constraint)
             .any(|(m, c)| *c > 0.0 && *m != 0.0);
+        let held = points.any(held);
         residual
             .solid
             .set_displacement(&mode, &residual.homogeneous);
@@ -56,11 +59,11 @@ pub(super) fn free_rigid_modes(
             .solid
             .stiffness(Stiffness::Elastic, &mut resistance);
         // rounding of a sum of a few hundred terms is smaller, one resisted point among millions is larger
-        if !held && norm(&resistance) <= 1e-10 * stiffness * norm(&mode) {
+        if !held && points.norm(&resistance) <= 1e-10 * stiffness * points.norm(&mode) {
             free.push(mode);
         }
     }
-    Ok(NullSpace::new(free))
+    Ok(NullSpace::new(free, points))
 }
 
 #[cfg(test)]
@@ -96,7 +99,7 @@ mod tests {
                 vec![along(0), along(1), along(2), about_x, about_y, about_z],
             ),
         ] {
-            let found = rigid_modes(&positions, dimension);
+            let found = rigid_modes(&positions, &Reducer::alone(4), dimension);
             assert_eq!(found.len(), expected.len());
             for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
                 assert!((found - expected).abs() < 1e-15, "{dimension}D");

@@ -3,10 +3,9 @@
 use std::fmt::Debug;
 
 use nalgebra::Matrix3;
-use perimelt_core::Body;
 use perimelt_core::family::{AxisPlane, LayerRule};
-use perimelt_core::solver::Spring;
-use perimelt_core::world::RemotePoints;
+use perimelt_core::solver::{Reducer, Spring};
+use perimelt_core::{Body, Face};
 
 use super::base::SolidBase;
 use super::deformation::Deformation;
@@ -30,8 +29,10 @@ pub struct Constitution {
     pub failure: Option<PlyStrength>,
     /// Whether the body moves, so that its forces must have an energy also at layers.
     pub in_motion: bool,
-    /// The points of other processes around those of the body.
-    pub remote: RemotePoints,
+    /// Faces that are planes of symmetry.
+    pub symmetry: Vec<Face>,
+    /// The points of the body, which processes may share.
+    pub points: Reducer,
 }
 
 impl Constitution {
@@ -44,7 +45,8 @@ impl Constitution {
             fracture: None,
             failure: None,
             in_motion: false,
-            remote: RemotePoints::default(),
+            symmetry: Vec::new(),
+            points: Reducer::default(),
         }
     }
 }

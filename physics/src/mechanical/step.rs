@@ -89,9 +89,9 @@ impl MechanicalRun {
     pub(super) fn start(&mut self, world: &World) {
         self.state.present = world.present_points(self.body).unwrap_or_default();
         if let Some(corners) = self.nodes().corners() {
-            let body = world.body(self.body);
+            let (body, symmetry) = (world.body(self.body), world.symmetry(self.body));
             let at_corners = |field: Write<Vector3<f64>>| {
-                corners.around_points(body, &world.read::<Vector3<f64>>(field.into()))
+                corners.around_points(body, &symmetry, &world.read::<Vector3<f64>>(field.into()))
             };
             let velocity = self.fields.velocity.map(at_corners).unwrap_or_default();
             self.state.corners = CornerMotion {
@@ -127,7 +127,8 @@ impl MechanicalRun {
             eigenstrain: eigenstrain.as_deref(),
             ..PointStates::default()
         });
-        let of_eigenstrain = eigenstrain.map_or(0.0, |strain| max_abs(&strain));
+        let points = world.reducer(self.body);
+        let of_eigenstrain = eigenstrain.map_or(0.0, |strain| max_abs(points.own(&strain)));
         self.eigenstrain_size = of_eigenstrain;
         self.load_stress_free(world);
         self.note_loads(world);
@@ -400,7 +401,7 @@ impl MechanicalRun {
         };
         let base = self.solid.base_mut();
         if let Some(fracture) = &mut base.fracture {
-            base.remote.bring(&mut fracture.excess, 1);
+            base.points.bring(&mut fracture.excess);
         }
         let breaks = self.solid.break_bonds(fraction, &mut world.write(*field));
         world.break_pairs(breaker, breaks.pairs);

@@ -10,7 +10,7 @@
 //! over open bonds. Flux and velocity take the same bracket, so that a force that pressure can balance moves nothing. Fluxes of
 //! the two ends of a bond are opposite to the last bit: nothing that they carry is lost.
 
-use perimelt_core::solver::{Hints, Krylov, KrylovMethod, KrylovOptions, SolverError};
+use perimelt_core::solver::{Hints, Krylov, KrylovMethod, KrylovOptions, Reducer, SolverError};
 
 use super::momentum::{Momentum, Vector, dot};
 use super::pool::{Pool, set_cells, set_rows};
@@ -156,9 +156,10 @@ impl Pressure {
             diagonal: Some(&self.diagonal),
             ..Hints::default()
         };
+        let alone = Reducer::alone(pool.len());
         let report = self
             .krylov
-            .solve(apply, &self.rhs, &mut self.values, hints)?;
+            .solve(apply, &self.rhs, &mut self.values, &alone, hints)?;
         Ok(report.iterations)
     }
 

@@ -12,8 +12,7 @@ use perimelt_core::{Step, Work};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::conduction::Matter;
-use super::rates::EnthalpyRate;
+use super::rates::{EnthalpyRate, HeatFlow};
 
 /// Safety factor of the step with an error of one tolerance.
 const SAFETY: f64 = 0.9;
@@ -131,13 +130,12 @@ impl ControlledSteps {
     ) -> Result<Work, SolverError> {
         let LimitedStep { step, stable } = whole;
         let (start, size) = (step.start, step.size);
-        let matter = rate.0.matter;
         let exponent = -1.0 / (method.order() + 1.0);
         for vector in &mut self.vectors {
             vector.resize(state.len(), 0.0);
         }
         if self.control.extremes.is_none() {
-            let now = measure(matter, state, &self.vectors[1], &counts);
+            let now = measure(&rate.0, state, &self.vectors[1], &counts);
             self.control.extremes = Some([now.lowest, now.highest]);
         }
         let mut work = Work::default();
@@ -167,7 +165,7 @@ impl ControlledSteps {
                 }
                 Err(e) => return Err(e),
             }
-            let now = measure(matter, state, &self.vectors[1], &counts);
+            let now = measure(&rate.0, state, &self.vectors[1], &counts);
             let [lowest, highest] = self.control.extremes.unwrap_or_default();
             let extremes = [lowest.min(now.lowest), highest.max(now.highest)];
             let difference = (extremes[1] - extremes[0]).min(now.highest);
@@ -197,7 +195,7 @@ impl ControlledSteps {
 
 /// Temperatures of the points that count, and their errors from errors of the enthalpy.
 fn measure(
-    matter: Matter<'_>,
+    flow: &HeatFlow<'_>,
     enthalpy: &[f64],
     error: &[f64],
     counts: &(impl Fn(usize) -> bool + Sync),
@@ -212,7 +210,9 @@ fn measure(
         highest: a.highest.max(b.highest),
         error: a.error.max(b.error),
     };
-    let points = matter.material.par_iter().enumerate().with_min_len(4096);
+    let (matter, reducer) = (&flow.matter, &flow.reducer);
+    let own = &matter.material[..reducer.owned()];
+    let points = own.par_iter().enumerate().with_min_len(4096);
     let of_point = |(point, &m): (usize, &u16)| {
         if !counts(point) {
             return none;
@@ -225,7 +225,12 @@ fn measure(
             error: 0.5 * (above - below).abs(),
         }
     };
-    points.map(of_point).reduce(|| none, join)
+    let own = points.map(of_point).reduce(|| none, join);
+    Measure {
+        lowest: reducer.min(own.lowest),
+        highest: reducer.max(own.highest),
+        error: reducer.max(own.error),
+    }
 }
 
 #[cfg(test)]

@@ -4,7 +4,6 @@ use std::borrow::Cow;
 use std::cell::Ref;
 
 use perimelt_core::parallel::ParallelLoop;
-use perimelt_core::solver::reduce::{norm, sum_of, weighted_sum};
 use perimelt_core::solver::{
     Implicit, KrylovMethod, Newton, NewtonOptions, Rkl2, SolverError, steady_state,
 };
@@ -185,7 +184,8 @@ impl Fields<'_> {
     ) -> Result<Work, SolverError> {
         let surface = flow.surface.as_ref();
         let is_linear = surface.is_none_or(|surface| surface.is_linear());
-        newton.options.linear = is_linear && flow.conduction.is_linear();
+        let points = flow.reducer.clone();
+        newton.options.linear = !points.any(!(is_linear && flow.conduction.is_linear()));
         flow.evaluate(&vec![0.0; self.temperature.len()]);
         let mut loads: Vec<f64> = bytemuck::cast_slice(&flow.conduction.rate).to_vec();
         let (volume, matter) = (flow.volume, flow.matter);
@@ -193,14 +193,14 @@ impl Fields<'_> {
         if weights.is_some() {
             loads.iter_mut().zip(volume).for_each(|(q, v)| *q *= v);
         }
-        newton.options.absolute_tolerance = tolerance * norm(&loads);
+        newton.options.absolute_tolerance = tolerance * points.norm(&loads);
         let mut rate = TemperatureRate { flow, weights };
         let report = steady_state(newton, &mut rate, time, self.temperature, floating)?;
-        let points = self.enthalpy.iter_mut().zip(&*self.temperature);
-        let points = points.zip(matter.material);
-        points.for_each(|((h, t), &m)| *h = matter.curves[m as usize].enthalpy(*t));
+        let states = self.enthalpy.iter_mut().zip(&*self.temperature);
+        let states = states.zip(matter.material);
+        states.for_each(|((h, t), &m)| *h = matter.curves[m as usize].enthalpy(*t));
         // the balance counts the steady state only, not the states that the iteration of several bodies passed
-        let stored = weighted_sum(self.enthalpy, volume);
+        let stored = points.dot(self.enthalpy, volume);
         let account = self.account;
         account.supply(stored - account.initial - account.supplied);
         Ok(report.into())
@@ -414,9 +414,10 @@ impl RunningThermal {
             return;
         };
         let given = world.read(given);
-        let heat = sum_of([&given, &world.body(self.body).points.volume], |[q, v]| {
-            q * v
-        });
+        let volume = &world.body(self.body).points.volume;
+        let heat = world
+            .reducer(self.body)
+            .sum_of([&given[..], volume], |[q, v]| q * v);
         self.add_heat(world, &given);
         self.heat.supply(heat);
         self.heat.from_bodies += heat;

@@ -134,7 +134,9 @@ impl RunningThermal {
     /// Refuses temperatures below 0 K.
     fn check_absolute_zero(&self, world: &World, step: Step) -> Result<(), RunError> {
         let temperature = world.read::<f64>(self.fields.temperature.into());
-        let least = temperature.iter().copied().fold(f64::INFINITY, f64::min);
+        let reducer = world.reducer(self.body);
+        let own = reducer.own(&temperature);
+        let least = own.iter().copied().fold(f64::INFINITY, f64::min);
         if !(least < 0.0) {
             return Ok(());
         }

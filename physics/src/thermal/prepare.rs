@@ -259,10 +259,6 @@ impl Thermal {
             let error = SetupError::value(key, message, expected);
             setup.refuse(body, Change::Division, error)
         };
-        if self.solver != ThermalSolver::Explicit {
-            let message = "several processes share explicit steps only";
-            refuse("solver", message, "`solver = \"explicit\"`, or one process")?;
-        }
         if !conduction.is_local() {
             let message = "several processes share conduction by bonds within one material only";
             let expected = "`form = \"bonds\"` and one material, or one process";

@@ -7,7 +7,7 @@
 
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::parallel::ParallelLoop;
-use perimelt_core::solver::reduce::{are_equal, norm, sum_points};
+use perimelt_core::solver::reduce::are_equal;
 use perimelt_core::solver::{At, Reducer, Rhs, SolverError};
 use rayon::prelude::*;
 
@@ -204,11 +204,12 @@ const ROUNDING: f64 = 4.0 * f64::EPSILON;
 /// Norm of the rounding errors of rates, from the sums of the coefficients of points (W/(m³ K)) and their temperatures (K): a
 /// rate is a small difference of products of these.
 fn rounding(
+    points: &Reducer,
     row_sums: &[[f64; 1]],
     weights: Option<&[f64]>,
     temperature: impl Fn(usize) -> f64 + Sync,
 ) -> f64 {
-    let [squares] = sum_points(row_sums.len(), |i| {
+    let [squares] = points.sum_points(|i| {
         let weight = weights.map_or(1.0, |w| w[i]);
         [(weight * row_sums[i][0] * temperature(i)).powi(2)]
     });
@@ -231,6 +232,10 @@ impl Rhs for EnthalpyRate<'_> {
         }
         rate[..points].copy_from_slice(bytemuck::cast_slice(&flow.conduction.rate));
         Ok(())
+    }
+
+    fn points(&self) -> Reducer {
+        self.0.reducer.clone()
     }
 
     /// Temperatures, extended by the molten fraction of materials that melt at one temperature.
@@ -257,10 +262,15 @@ impl Rhs for EnthalpyRate<'_> {
 
     fn rounding(&self, at: At<'_>) -> f64 {
         let HeatFlow {
-            matter, row_sums, ..
+            reducer,
+            matter,
+            row_sums,
+            ..
         } = &self.0;
         let curve = |i: usize| &matter.curves[matter.material[i] as usize];
-        rounding(row_sums, None, |i| curve(i).temperature(at.state[i]))
+        rounding(reducer, row_sums, None, |i| {
+            curve(i).temperature(at.state[i])
+        })
     }
 
     /// Exact where the flow has an analytical derivative; a finite difference by the temperature elsewhere, as a function of
@@ -284,7 +294,7 @@ impl Rhs for EnthalpyRate<'_> {
                 surface.given_changes(&base.gains, &base.change, self.0.volume, powers);
             }
             out[..points].copy_from_slice(bytemuck::cast_slice(&self.0.conduction.rate));
-        } else if base.change.iter().all(|change| *change == 0.0) {
+        } else if !(self.points()).any(base.change.iter().any(|change| *change != 0.0)) {
             out.fill(0.0);
         } else {
             if base.rate.is_empty() {
@@ -292,7 +302,9 @@ impl Rhs for EnthalpyRate<'_> {
                 self.rate(at.time, at.state, &mut base.rate)?;
             }
             let flow = &mut self.0;
-            let e = f64::EPSILON.sqrt() * norm(&base.temperature) / norm(&base.change);
+            let reducer = &flow.reducer;
+            let size = reducer.norm(&base.temperature);
+            let e = f64::EPSILON.sqrt() * size / reducer.norm(&base.change);
             let moved = base.change.par_iter_mut().zip(&base.temperature);
             let moved = moved.with_min_len(4096);
             moved.for_all(|(change, t)| *change = t + e * *change);
@@ -337,7 +349,7 @@ impl EnthalpyRate<'_> {
     fn linearise(&mut self, at: At<'_>) -> Linearisation {
         let flow = &mut self.0;
         let mut base = std::mem::take(&mut flow.vectors.base);
-        if !are_equal(&base.state, at.state) {
+        if (flow.reducer).any(!are_equal(&base.state, at.state)) {
             base.state.clear();
             base.state.extend_from_slice(at.state);
             base.rate.clear();
@@ -369,7 +381,10 @@ impl Rhs for TemperatureRate<'_> {
     }
 
     fn rounding(&self, at: At<'_>) -> f64 {
-        rounding(self.flow.row_sums, self.weights, |i| at.state[i])
+        let HeatFlow {
+            reducer, row_sums, ..
+        } = &self.flow;
+        rounding(reducer, row_sums, self.weights, |i| at.state[i])
     }
 
     fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
@@ -388,5 +403,9 @@ impl Rhs for TemperatureRate<'_> {
 
     fn weights(&self) -> Option<&[f64]> {
         self.weights
+    }
+
+    fn points(&self) -> Reducer {
+        self.flow.reducer.clone()
     }
 }

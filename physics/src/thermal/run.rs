@@ -291,6 +291,7 @@ impl RunningThermal {
             Some(refined) => refined.step_fraction() * stable_step,
             None => stable_step,
         };
+        let stable_step = world.reducer(self.body).min(stable_step);
         self.stable_step = Some(stable_step);
         self.integrator.set_stable_step(stable_step);
     }

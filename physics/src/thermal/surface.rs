@@ -359,7 +359,9 @@ impl Surface {
     /// rarely changes.
     pub(super) fn hottest(&self, temperature: &[f64], reducer: &Reducer) -> f64 {
         const STEP: f64 = 1.02;
-        let faces = self.faces.iter().map(|f| temperature[f.point as usize]);
+        let own = |face: &&ExposedFace| (face.point as usize) < reducer.owned();
+        let faces = self.faces.iter().filter(own);
+        let faces = faces.map(|f| temperature[f.point as usize]);
         let around = self.exchanges.iter().map(|e| e.law().surroundings());
         let hottest = reducer.max(faces.chain(around).fold(1.0, f64::max));
         STEP.powf((hottest.ln() / STEP.ln()).ceil())

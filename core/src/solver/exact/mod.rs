@@ -5,10 +5,12 @@
 //! ([`split`]); each of these sums is an integer times a power of two and goes into a fixed-point number that spans all of `f64`.
 //! Similar schemes sum the high parts only: \[Demmel2015\].
 
+mod fixed;
 #[allow(unsafe_code)]
 mod split;
 
 use crate::transport::Processes;
+pub(super) use fixed::{FixedPoint, Halves};
 use split::{LANES, LENGTH, Parts, split};
 
 /// Bits of a digit.

@@ -2,7 +2,6 @@
 
 use super::{Iteration, KrylovReport, System, WorkVectors};
 use crate::solver::error::SolverError;
-use crate::solver::reduce::{dot, norm};
 use crate::solver::vector::update;
 
 /// Below this cosine between residual and shadow residual the recurrence has broken down.
@@ -35,6 +34,7 @@ impl Iteration for BiCgStab {
             second_image: t,
             ..
         } = work;
+        let points = system.points;
         let KrylovReport {
             iterations,
             residual,
@@ -42,13 +42,13 @@ impl Iteration for BiCgStab {
         if iterations == 0 {
             shadow.copy_from_slice(r);
             p.copy_from_slice(r);
-            self.rho = dot(shadow, r);
+            self.rho = points.dot(shadow, r);
         }
         let iterations = iterations + 1;
-        system.hints.precondition(p, z);
+        system.hints.precondition(p, points, z);
         (system.apply)(z, v)?;
-        let shadow_image = dot(shadow, v);
-        if shadow_image.abs() <= BREAKDOWN * norm(shadow) * norm(v) {
+        let shadow_image = points.dot(shadow, v);
+        if shadow_image.abs() <= BREAKDOWN * points.norm(shadow) * points.norm(v) {
             // restart from the present residual; a steepest-descent-like step follows
             if self.rho == residual * residual {
                 return Err(Self::not_converged(
@@ -69,21 +69,21 @@ impl Iteration for BiCgStab {
         update(solution, [z], |x, [z]| x + alpha * z);
         update(r, [v], |r, [v]| r - alpha * v);
 
-        system.hints.precondition(r, z);
+        system.hints.precondition(r, points, z);
         (system.apply)(z, t)?;
-        let tt = dot(t, t);
+        let tt = points.dot(t, t);
         // the first half step may already have met the solution exactly
-        let omega = if tt > 0.0 { dot(t, r) / tt } else { 0.0 };
+        let omega = if tt > 0.0 { points.dot(t, r) / tt } else { 0.0 };
         update(solution, [z], |x, [z]| x + omega * z);
         update(r, [t], |r, [t]| r - omega * t);
         system.hints.project(r);
 
-        let rho = dot(shadow, r);
-        let residual = norm(r);
-        if omega == 0.0 || rho.abs() <= BREAKDOWN * norm(shadow) * residual {
+        let rho = points.dot(shadow, r);
+        let residual = points.norm(r);
+        if omega == 0.0 || rho.abs() <= BREAKDOWN * points.norm(shadow) * residual {
             shadow.copy_from_slice(r);
             p.copy_from_slice(r);
-            self.rho = dot(r, r);
+            self.rho = points.dot(r, r);
         } else {
             let beta = rho / self.rho * alpha / omega;
             update(p, [r, v], |p, [r, v]| r + beta * (p - omega * v));

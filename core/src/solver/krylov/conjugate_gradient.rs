@@ -13,7 +13,6 @@
 
 use super::{Iteration, KrylovReport, System, WorkVectors};
 use crate::solver::error::SolverError;
-use crate::solver::reduce::{dot, norm};
 use crate::solver::vector::update;
 
 #[derive(Default)]
@@ -41,8 +40,8 @@ impl Iteration for ConjugateGradient {
             ..
         } = work;
         let iteration = before.iterations;
-        system.hints.precondition(r, z);
-        let rz = dot(r, z);
+        system.hints.precondition(r, system.points, z);
+        let rz = system.points.dot(r, z);
         if rz <= 0.0 {
             return Err(SolverError::NotPositiveDefinite {
                 iteration,
@@ -58,7 +57,7 @@ impl Iteration for ConjugateGradient {
         self.last_product = rz;
 
         (system.apply)(p, image)?;
-        let curvature = dot(p, image);
+        let curvature = system.points.dot(p, image);
         if curvature <= 0.0 {
             return Err(SolverError::NotPositiveDefinite {
                 iteration,
@@ -72,7 +71,7 @@ impl Iteration for ConjugateGradient {
         system.hints.project(r);
         Ok(KrylovReport {
             iterations: iteration + 1,
-            residual: norm(r),
+            residual: system.points.norm(r),
         })
     }
 }

@@ -3,7 +3,6 @@
 
 use super::{Iteration, KrylovReport, System, WorkVectors};
 use crate::solver::error::SolverError;
-use crate::solver::reduce::{dot, norm};
 use crate::solver::vector::update;
 
 /// Largest number of vectors between restarts.
@@ -75,10 +74,11 @@ impl Iteration for Gmres {
         solution: &mut [f64],
         before: KrylovReport,
     ) -> Result<KrylovReport, SolverError> {
+        let points = system.points;
         let mut report = before;
         if report.iterations > 0 {
             system.start(work, solution)?;
-            report.residual = norm(&work.residual);
+            report.residual = points.norm(&work.residual);
         }
         let WorkVectors {
             residual: r,
@@ -99,16 +99,16 @@ impl Iteration for Gmres {
                 basis.push(Vec::new());
             }
             basis[k].clone_from(w);
-            system.hints.precondition(&basis[k], z);
+            system.hints.precondition(&basis[k], points, z);
             (system.apply)(z, w)?;
             system.hints.project(w);
             let mut column = Vec::with_capacity(k + 1);
             for v in &basis[..=k] {
-                let along = dot(v, w);
+                let along = points.dot(v, w);
                 update(w, [v], |w, [v]| w - along * v);
                 column.push(along);
             }
-            let rest = norm(w);
+            let rest = points.norm(w);
             report.residual = problem.push(column, rest).ok_or_else(|| {
                 Self::not_converged(
                     system,
@@ -125,7 +125,7 @@ impl Iteration for Gmres {
             for (v, factor) in basis.iter().zip(problem.solve()) {
                 update(sum, [v], |sum, [v]| sum + factor * v);
             }
-            system.hints.precondition(sum, z);
+            system.hints.precondition(sum, points, z);
             update(solution, [z], |x, [z]| x + z);
         }
         Ok(report)

@@ -23,7 +23,7 @@ pub use coarse::{CoarseSpace, Spring};
 pub use null_space::NullSpace;
 
 use super::error::{SolverError, same_length};
-use super::reduce::norm;
+use super::reducer::Reducer;
 use super::vector::update;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -90,13 +90,17 @@ pub struct Hints<'a> {
 
 impl Hints<'_> {
     /// `out = P (D^-1 + coarse) residual`.
-    fn precondition(&self, residual: &[f64], out: &mut [f64]) {
+    fn precondition(&self, residual: &[f64], points: &Reducer, out: &mut [f64]) {
         match self.diagonal {
-            Some(diagonal) => update(out, [residual, diagonal], |_, [r, d]| r / d),
+            // zero at points of other processes that no bond reaches
+            Some(diagonal) => update(out, [residual, diagonal], |_, [r, d]| match d == 0.0 {
+                true => 0.0,
+                false => r / d,
+            }),
             None => out.copy_from_slice(residual),
         }
         if let Some(coarse) = self.coarse {
-            coarse.add_correction(residual, out);
+            coarse.add_correction(residual, points, out);
         }
         self.project(out);
     }
@@ -110,8 +114,8 @@ impl Hints<'_> {
 
 /// A Krylov solver with its work vectors, which are allocated once.
 ///
-/// Work vectors are updated in parallel and reduced by [`super::reduce`], so that the
-/// result has the same bits for any number of threads (if the operator's has).
+/// Work vectors are updated in parallel and reduced by a [`Reducer`], so that the
+/// result has the same bits for any number of threads and processes (if the operator's has).
 #[derive(Debug, Clone)]
 pub struct Krylov {
     /// Which method.
@@ -146,7 +150,8 @@ impl Krylov {
 
     /// Solves `A x = rhs`; `solution` holds the initial guess on entry.
     ///
-    /// `apply(x, out)` writes `A x` into `out`, which holds unspecified numbers on entry.
+    /// `apply(x, out)` writes `A x` into `out`, which holds unspecified numbers on entry. `points`: those to which the entries of vectors belong;
+    /// `apply` gives those of other processes, too.
     ///
     /// # Errors
     /// No convergence, a matrix that is not positive definite (conjugate gradients),
@@ -157,13 +162,15 @@ impl Krylov {
         mut apply: impl FnMut(&[f64], &mut [f64]) -> Result<(), SolverError>,
         rhs: &[f64],
         solution: &mut [f64],
+        points: &Reducer,
         hints: Hints,
     ) -> Result<KrylovReport, SolverError> {
         let n = rhs.len();
         same_length("the initial guess", n, solution.len())?;
         if let Some(diagonal) = hints.diagonal {
             same_length("the diagonal", n, diagonal.len())?;
-            if let Some(&value) = diagonal.iter().find(|d| **d == 0.0 || !d.is_finite()) {
+            let mut own = points.own(diagonal).iter();
+            if let Some(&value) = own.find(|d| **d == 0.0 || !d.is_finite()) {
                 return Err(SolverError::OutOfRange {
                     what: "an entry of the diagonal",
                     value,
@@ -183,6 +190,7 @@ impl Krylov {
         let system = System {
             apply: &mut apply,
             rhs,
+            points,
             hints,
             options: self.options,
             tolerance: 0.0,
@@ -221,6 +229,7 @@ type Apply<'a> = dyn FnMut(&[f64], &mut [f64]) -> Result<(), SolverError> + 'a;
 struct System<'a> {
     apply: &'a mut Apply<'a>,
     rhs: &'a [f64],
+    points: &'a Reducer,
     hints: Hints<'a>,
     options: KrylovOptions,
     /// Norm of the residual at which the iteration has converged.
@@ -269,8 +278,8 @@ impl System<'_> {
             absolute_tolerance,
             ..
         } = self.options;
-        self.tolerance = relative_tolerance * norm(residual) + absolute_tolerance;
-        if solution.iter().any(|x| *x != 0.0) {
+        self.tolerance = relative_tolerance * self.points.norm(residual) + absolute_tolerance;
+        if self.points.any(solution.iter().any(|x| *x != 0.0)) {
             (self.apply)(solution, image)?;
             update(residual, [image], |r, [image]| r - image);
             self.hints.project(residual);
@@ -288,7 +297,7 @@ impl System<'_> {
         self.start(work, solution)?;
         let mut report = KrylovReport {
             iterations: 0,
-            residual: norm(&work.residual),
+            residual: self.points.norm(&work.residual),
         };
         loop {
             if !report.residual.is_finite() {

@@ -57,7 +57,7 @@ fn all_methods_recover_a_known_solution() {
                 ..Hints::default()
             };
             let report = solver(method)
-                .solve(chain(0.1, wind), &b, &mut x, hints)
+                .solve(chain(0.1, wind), &b, &mut x, &Reducer::default(), hints)
                 .unwrap();
             assert!(report.iterations > 5);
             for (x, exact) in x.iter().zip(&exact) {
@@ -83,7 +83,7 @@ fn a_diagonal_of_wide_range_is_worth_its_preconditioner() {
             ..Hints::default()
         };
         let report = solver(method)
-            .solve(apply, &vec![1.0; n], &mut x, hints)
+            .solve(apply, &vec![1.0; n], &mut x, &Reducer::default(), hints)
             .unwrap();
         assert_eq!(report.iterations, 1, "{method:?}");
     }
@@ -92,7 +92,7 @@ fn a_diagonal_of_wide_range_is_worth_its_preconditioner() {
 #[test]
 fn a_singular_matrix_is_solved_beside_its_null_space() {
     let n = 101;
-    let constant = NullSpace::constant(n);
+    let constant = NullSpace::constant(n, &Reducer::default());
     let hints = Hints {
         null_space: Some(&constant),
         ..Hints::default()
@@ -102,7 +102,9 @@ fn a_singular_matrix_is_solved_beside_its_null_space() {
         let b: Vec<f64> = (0..n).map(|i| (i as f64).cos() + 7.0).collect();
         let mut x = vec![3.0; n];
         let mut krylov = solver(method);
-        krylov.solve(ring, &b, &mut x, hints).unwrap();
+        krylov
+            .solve(ring, &b, &mut x, &Reducer::default(), hints)
+            .unwrap();
         let mut residual = vec![0.0; n];
         ring(&x, &mut residual).unwrap();
         let mean = sum(&b) / n as f64;
@@ -126,7 +128,7 @@ fn dependent_modes_are_dropped() {
         vec![2.0, 2.0, 2.0],
         vec![0.0, 1.0, 2.0],
     ];
-    let null_space = NullSpace::new(modes);
+    let null_space = NullSpace::new(modes, &Reducer::default());
     let mut v = vec![1.0, 5.0, 3.0];
     null_space.project(&mut v);
     // what is left is the part along (1, -2, 1), which is (-6 / 6) of it
@@ -143,7 +145,13 @@ fn wrong_matrices_and_limits_are_reported() {
     };
     let mut cg = solver(KrylovMethod::ConjugateGradient);
     let error = cg
-        .solve(minus, &[1.0; 4], &mut [0.0; 4], Hints::default())
+        .solve(
+            minus,
+            &[1.0; 4],
+            &mut [0.0; 4],
+            &Reducer::default(),
+            Hints::default(),
+        )
         .unwrap_err();
     assert!(
         matches!(error, SolverError::NotPositiveDefinite { .. }),
@@ -156,6 +164,7 @@ fn wrong_matrices_and_limits_are_reported() {
             chain(0.0, 0.0),
             &[1.0; 500],
             &mut [0.0; 500],
+            &Reducer::default(),
             Hints::default(),
         );
         assert!(
@@ -166,12 +175,24 @@ fn wrong_matrices_and_limits_are_reported() {
             out.fill(f64::NAN);
             Ok(())
         };
-        let error = krylov.solve(nan, &[1.0; 4], &mut [0.0; 4], Hints::default());
+        let error = krylov.solve(
+            nan,
+            &[1.0; 4],
+            &mut [0.0; 4],
+            &Reducer::default(),
+            Hints::default(),
+        );
         assert!(
             matches!(error, Err(SolverError::NotFinite { .. })),
             "{method:?}"
         );
-        let error = krylov.solve(ring, &[1.0; 4], &mut [0.0; 3], Hints::default());
+        let error = krylov.solve(
+            ring,
+            &[1.0; 4],
+            &mut [0.0; 3],
+            &Reducer::default(),
+            Hints::default(),
+        );
         assert!(
             matches!(error, Err(SolverError::Length { .. })),
             "{method:?}"
@@ -180,7 +201,13 @@ fn wrong_matrices_and_limits_are_reported() {
         krylov.options.max_iterations = 1000;
         assert!(
             krylov
-                .solve(ring, &[1.0; 8], &mut [0.0; 8], Hints::default())
+                .solve(
+                    ring,
+                    &[1.0; 8],
+                    &mut [0.0; 8],
+                    &Reducer::default(),
+                    Hints::default()
+                )
                 .is_err()
         );
     }
@@ -190,7 +217,7 @@ fn wrong_matrices_and_limits_are_reported() {
 fn solutions_have_the_same_bits_for_any_number_of_threads() {
     let n = 100_000;
     let b: Vec<f64> = (0..n).map(|i| (i as f64 * 0.1).sin()).collect();
-    let constant = NullSpace::constant(n);
+    let constant = NullSpace::constant(n, &Reducer::default());
     for method in ALL {
         let solve = |threads| {
             let pool = rayon::ThreadPoolBuilder::new()
@@ -204,7 +231,7 @@ fn solutions_have_the_same_bits_for_any_number_of_threads() {
                     ..Hints::default()
                 };
                 solver(method)
-                    .solve(chain(0.5, 0.0), &b, &mut x, hints)
+                    .solve(chain(0.5, 0.0), &b, &mut x, &Reducer::default(), hints)
                     .unwrap();
                 x.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
             })
@@ -224,7 +251,13 @@ fn a_residual_at_right_angles_to_its_shadow_starts_again() {
     };
     let mut x = [0.0; 3];
     let report = solver(KrylovMethod::BiCgStab)
-        .solve(apply, &[1.0, 0.0, 0.0], &mut x, Hints::default())
+        .solve(
+            apply,
+            &[1.0, 0.0, 0.0],
+            &mut x,
+            &Reducer::default(),
+            Hints::default(),
+        )
         .unwrap();
     // one to the breakdown, and two for the two components that are left
     assert_eq!(report.iterations, 3);
@@ -244,8 +277,13 @@ fn a_breakdown_right_after_a_start_is_told_at_once() {
         Ok(())
     };
     // of norm 5, whose square is not its double
-    let failed =
-        solver(KrylovMethod::BiCgStab).solve(skew, &[3.0, 4.0], &mut [0.0; 2], Hints::default());
+    let failed = solver(KrylovMethod::BiCgStab).solve(
+        skew,
+        &[3.0, 4.0],
+        &mut [0.0; 2],
+        &Reducer::default(),
+        Hints::default(),
+    );
     let Err(SolverError::NotConverged {
         iterations,
         residual,
@@ -272,7 +310,7 @@ fn a_breakdown_on_the_way_starts_again() {
     let rhs = [-2.0, 2.0, -2.0];
     let mut x = [0.0; 3];
     let report = solver(KrylovMethod::BiCgStab)
-        .solve(apply, &rhs, &mut x, Hints::default())
+        .solve(apply, &rhs, &mut x, &Reducer::default(), Hints::default())
         .unwrap();
     // one step, the breakdown, three steps
     assert_eq!(report.iterations, 5);

@@ -344,7 +344,8 @@ impl Solid for Correspondence {
             false => 0.0,
         });
         let inverse_density: Vec<f64> = inverse_density.collect();
-        let square = largest_eigenvalue(&inverse_density, |u, out| {
+        let points = self.base.points.clone();
+        let square = largest_eigenvalue(&inverse_density, &points, |u, out| {
             self.set_displacement(u, rules);
             self.stiffness(Stiffness::Elastic, out);
         });
@@ -369,7 +370,13 @@ impl Solid for Correspondence {
         };
         let conjugate = |_: usize, _: &Bond, _: usize| 0.0;
         let loads = BondLoads { ratio, conjugate };
-        fracture.break_bonds(&self.base.family, fraction, damage, loads)
+        fracture.break_bonds(
+            &self.base.family,
+            &self.base.points,
+            fraction,
+            damage,
+            loads,
+        )
     }
 
     fn force_across(&mut self, plane: AxisPlane, receive: &mut dyn FnMut(usize, [f64; 3])) {

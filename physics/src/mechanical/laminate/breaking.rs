@@ -37,7 +37,7 @@ impl Laminate {
                 }
             }
         }
-        Exceeding::keep_largest(&mut found, fraction);
+        Exceeding::keep_largest(&mut found, fraction, &self.base.points);
         self.failure = Some(failure);
         if found.is_empty() {
             return NewBreaks::default();

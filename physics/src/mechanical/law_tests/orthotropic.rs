@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::body::{Body, Store};
 use perimelt_core::orientation::axes;
-use perimelt_core::solver::largest_eigenvalue;
+use perimelt_core::solver::{Reducer, largest_eigenvalue};
 
 use super::{check_derivatives_of, force, scattered, solid};
 use crate::mechanical::classical::{COMPONENTS, symmetric};
@@ -213,7 +213,7 @@ fn the_stable_step_is_that_of_the_stiffest_direction() {
                 .collect();
             force(&mut *solid, &vec![0.0; 3 * density.len()]);
             solid.linearise(0.0);
-            let exact = largest_eigenvalue(&inverse_density, |u, out| {
+            let exact = largest_eigenvalue(&inverse_density, &Reducer::default(), |u, out| {
                 solid.set_displacement(u, &[]);
                 solid.stiffness(Stiffness::Tangent, out);
             });

@@ -3,7 +3,7 @@
 use nalgebra::Matrix3;
 use perimelt_core::family::{ByImage, Continuation, Image};
 use perimelt_core::parallel::ParallelLoop;
-use perimelt_core::world::RemotePoints;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Body, BrokenBonds, Correction, Family};
 use rayon::prelude::*;
 
@@ -115,18 +115,18 @@ impl Dilatation {
     }
 
     /// Brings the points of other processes their normalisers, which do not change.
-    pub(super) fn bring_normalisers(&mut self, remote: &RemotePoints) {
+    pub(super) fn bring_normalisers(&mut self, points: &Reducer) {
         if !std::mem::replace(&mut self.knows_remote, true) {
-            remote.bring(&mut self.normaliser, 1);
+            points.bring(&mut self.normaliser);
         }
     }
 
     /// Brings the points of other processes what was summed last.
-    pub(super) fn bring_sums(&mut self, remote: &RemotePoints) {
-        self.bring_normalisers(remote);
-        remote.bring(self.sums.as_flattened_mut(), 1);
+    pub(super) fn bring_sums(&mut self, points: &Reducer) {
+        self.bring_normalisers(points);
+        points.bring(self.sums.as_flattened_mut());
         if !self.parts.is_empty() {
-            remote.bring(self.parts.as_flattened_mut(), 4);
+            points.bring(self.parts.as_flattened_mut());
         }
     }
 

@@ -37,7 +37,7 @@ impl<L: BondForce> Ordinary<L> {
         };
         let broken = self.base.fracture.as_ref().map(Fracture::broken);
         dilatation.sum(strain, finite, &self.inputs, broken);
-        dilatation.bring_sums(&self.base.remote);
+        dilatation.bring_sums(&self.base.points);
         if self.base.continuation.is_bent() {
             dilatation.sum_directions(&self.inputs, broken);
         }
@@ -220,7 +220,8 @@ impl<L: BondForce> Ordinary<L> {
         let Some(fracture) = &mut self.base.fracture else {
             return NewBreaks::default();
         };
-        let (family, elastic) = (&self.base.family, &self.base.elastic);
+        let (family, points) = (&self.base.family, &self.base.points);
+        let elastic = &self.base.elastic;
         let (finite, dilatation) = (elastic.finite, self.dilatation.as_ref());
         let (inputs, law) = (self.inputs.first::<INPUTS>(), self.law);
         let ends = |own, other| [own, other].map(|slot: usize| inputs.map(|i| i[slot]));
@@ -239,10 +240,16 @@ impl<L: BondForce> Ordinary<L> {
         if self.inputs.has_strain() {
             let ratio = ratio_with_strain(load, &self.inputs);
             let loads = BondLoads { ratio, conjugate };
-            return fracture.break_bonds(family, fraction, damage, loads);
+            return fracture.break_bonds(family, points, fraction, damage, loads);
         }
         let ratio = elastic_ratio(load, &self.inputs);
-        fracture.break_bonds(family, fraction, damage, BondLoads { ratio, conjugate })
+        fracture.break_bonds(
+            family,
+            points,
+            fraction,
+            damage,
+            BondLoads { ratio, conjugate },
+        )
     }
 }
 

@@ -440,8 +440,8 @@ impl<L: BondForce> Solid for Ordinary<L> {
         let mut sums = vec![[0.0]; points];
         (self.inputs).sum::<INPUTS, 1>(&WeightOverLength, base.broken(), &mut sums);
         if let Some(dilatation) = &mut self.dilatation {
-            dilatation.bring_normalisers(&base.remote);
-            base.remote.bring(sums.as_flattened_mut(), 1);
+            dilatation.bring_normalisers(&base.points);
+            base.points.bring(sums.as_flattened_mut());
         }
         let stiffness = |i: usize| {
             let moduli = base.elastic.moduli(i);

@@ -149,10 +149,18 @@ impl Corners {
     pub(in crate::mechanical) fn around_points(
         &self,
         body: &Body,
+        symmetry: &[Face],
         points: &[Vector3<f64>],
     ) -> Vec<f64> {
         let slope = |point: usize, axis: usize| {
-            let at = |face: Face| behind(body, point, face).map(|other| points[other]);
+            let at = |face: Face| match behind(body, symmetry, point, face)? {
+                Behind::Point(other) => Some(points[other]),
+                Behind::Image => {
+                    let mut image = points[point];
+                    image[axis] = -image[axis];
+                    Some(image)
+                }
+            };
             let own = points[point];
             let (below, above) = (at(Face::ALL[2 * axis]), at(Face::ALL[2 * axis + 1]));
             match (below, above) {
@@ -280,8 +288,29 @@ impl Corners {
     }
 }
 
+/// What is behind a face of the cell of a point.
+pub(super) enum Behind {
+    Point(usize),
+    /// The mirror image of the point itself.
+    Image,
+}
+
+/// What is behind a face of the cell of a point in a body with these planes of `symmetry`; `None` at surfaces and cracks.
+pub(super) fn behind(body: &Body, symmetry: &[Face], point: usize, face: Face) -> Option<Behind> {
+    if let Some(other) = joined(body, point, face) {
+        return Some(Behind::Point(other));
+    }
+    let lattice = body.lattice().filter(|_| symmetry.contains(&face))?;
+    let last = match face.is_upper() {
+        true => lattice.cells[face.axis()] - 1,
+        false => 0,
+    };
+    let cell = lattice.cell_of_point[point][face.axis()] as usize;
+    (cell == last).then_some(Behind::Image)
+}
+
 /// The point behind a face of the cell of a point, unless a crack is between them.
-pub(super) fn behind(body: &Body, point: usize, face: Face) -> Option<usize> {
+fn joined(body: &Body, point: usize, face: Face) -> Option<usize> {
     let other = body.neighbour(point, face)?;
     let from = body.points.position[point];
     let to = from + body.points.spacing[point] * face.normal();
@@ -296,7 +325,7 @@ fn joined_groups(body: &Body, around: &[u32; CORNERS]) -> impl Iterator<Item = [
         let [below, above] = [corner | 1 << axis, corner & !(1 << axis)].map(|q| around[q]);
         let both = below != NO_POINT && above != NO_POINT;
         let face = Face::ALL[2 * axis + 1];
-        both && (body.cuts.is_empty() || behind(body, below as usize, face).is_some())
+        both && (body.cuts.is_empty() || joined(body, below as usize, face).is_some())
     };
     let mut group_of: [usize; CORNERS] = std::array::from_fn(|corner| corner);
     let mut is_done = false;

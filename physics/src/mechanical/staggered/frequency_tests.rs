@@ -1,6 +1,6 @@
 //! Frequencies of staggered bodies.
 
-use perimelt_core::solver::largest_eigenvalue;
+use perimelt_core::solver::{Reducer, largest_eigenvalue};
 
 use super::tests::{all, solid};
 use crate::mechanical::solid::Stiffness;
@@ -19,7 +19,7 @@ fn no_frequency_is_above_that_of_a_cell() {
                 std::array::from_fn::<_, 3, _>(|a| if a < dimension { 1.0 / rho } else { 0.0 })
             });
             let inverse: Vec<f64> = inverse.collect();
-            let square = largest_eigenvalue(&inverse, |u, out| {
+            let square = largest_eigenvalue(&inverse, &Reducer::default(), |u, out| {
                 solid.set_displacement(u, &[]);
                 solid.stiffness(Stiffness::Elastic, out);
             });

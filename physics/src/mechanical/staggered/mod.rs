@@ -42,6 +42,7 @@ use perimelt_core::{Body, Face, Family, SetupError};
 
 pub(super) use births::Births;
 pub(super) use checks::check;
+use corners::Behind;
 pub use corners::Corners;
 
 use super::base::{Properties, SolidBase};
@@ -128,7 +129,8 @@ pub struct Staggered<const D: usize> {
     spring: Vec<f64>,
     /// Sum of g around each corner.
     corner_spring: Vec<f64>,
-    /// The points behind the faces of a cell across which the eigenstrain is continuous; `u32::MAX` where there is none.
+    /// The points behind the faces of a cell across which the eigenstrain is continuous, behind planes of symmetry that of the cell;
+    /// `u32::MAX` where there is none.
     neighbours: Vec<[u32; 6]>,
     /// Modes at which points are free of stress, in finite kinematics; empty if there are none.
     free: Vec<Amplitudes>,
@@ -156,6 +158,7 @@ impl<const D: usize> Staggered<D> {
             has_symmetric_plastic_tangent: true,
             has_finite_tangent: true,
         };
+        let symmetry = constitution.symmetry.clone();
         let corners = Arc::new(Corners::new(body, lattice));
         let (points, nodes) = (body.points.len(), corners.position.len());
         // a body without bonds
@@ -164,7 +167,10 @@ impl<const D: usize> Staggered<D> {
         base.nodes = Nodes::Corners(corners.clone());
         base.set_law(law);
         let behind = |point: usize, face: Face| {
-            let other = corners::behind(body, point, face)?;
+            let other = match corners::behind(body, &symmetry, point, face)? {
+                Behind::Point(other) => other,
+                Behind::Image => point,
+            };
             let material = &body.material_of_point;
             (material[other] == material[point]).then_some(other as u32)
         };

@@ -1,5 +1,7 @@
 //! A banded symmetric matrix and its Cholesky factor. By hand, since nalgebra has only dense ones.
 
+use crate::solver::Reducer;
+use crate::solver::exact::{FixedPoint, Halves};
 use crate::solver::reduce::ordered_sum;
 
 /// Relative stiffening of the diagonal. Free bodies have rigid modes and nodes with few points around them
@@ -14,19 +16,43 @@ pub(super) struct Banded {
     rows: Vec<f64>,
 }
 
+/// Sums that become the entries of a [`Banded`] matrix.
+pub(super) struct BandedSums {
+    band: usize,
+    entries: Halves,
+}
+
+impl BandedSums {
+    pub(super) fn new(rows: usize, band: usize) -> Self {
+        BandedSums {
+            band,
+            entries: Halves::zeros(rows * (band + 1)),
+        }
+    }
+
+    /// Adds an entry of other sums at a row and column, if it is left of the diagonal or on it.
+    pub(super) fn add(&mut self, [row, column]: [usize; 2], other: &Halves, of_other: usize) {
+        if column <= row {
+            let entry = (row + 1) * (self.band + 1) - 1 - (row - column);
+            self.entries.add_entry(entry, other, of_other);
+        }
+    }
+
+    /// The matrix of the sums of all processes.
+    pub(super) fn total(self, fixed: FixedPoint, points: &Reducer) -> Banded {
+        Banded {
+            band: self.band,
+            rows: fixed.total(self.entries, points),
+        }
+    }
+}
+
 /// `sum_i a_i b_i` of rows.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     ordered_sum([a, b], &|[a, b]| a * b)
 }
 
 impl Banded {
-    pub(super) fn new(rows: usize, band: usize) -> Self {
-        Banded {
-            band,
-            rows: vec![0.0; rows * (band + 1)],
-        }
-    }
-
     fn len(&self) -> usize {
         self.rows.len() / (self.band + 1)
     }
@@ -36,13 +62,6 @@ impl Banded {
         let first = row.saturating_sub(self.band);
         let end = (row + 1) * (self.band + 1);
         (first, &self.rows[end - 1 - (row - first)..end])
-    }
-
-    /// Adds to an entry, if it is left of the diagonal or on it.
-    pub(super) fn add(&mut self, row: usize, column: usize, value: f64) {
-        if column <= row {
-            self.rows[(row + 1) * (self.band + 1) - 1 - (row - column)] += value;
-        }
     }
 
     /// `L`, with the diagonal stiffened; `None` if the matrix is still not positive definite.

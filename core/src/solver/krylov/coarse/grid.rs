@@ -3,7 +3,10 @@
 use nalgebra::Vector3;
 
 use super::Spring;
-use super::banded::Banded;
+use super::banded::BandedSums;
+use crate::solver::Reducer;
+use crate::solver::exact::{FixedPoint, Halves};
+use crate::transport::GROUP;
 
 /// Largest number of multiplications for the factors of a coarse matrix, a few tenths of a second. Cells are
 /// widened until the factors take less.
@@ -72,8 +75,15 @@ pub(super) struct CoarseGrid {
     pub(super) weights: Vec<[f64; CORNERS]>,
     /// One or, for held components, zero.
     pub(super) free: Vec<[f64; 3]>,
-    /// The points of each cell that has any.
+    /// The points of this process in each cell that has any.
     pub(super) members: Vec<Vec<u32>>,
+    /// Largest number of terms of a sum over the rows of points of cells around a node.
+    terms: f64,
+}
+
+/// The points of a cell in rows: those that stand in a group of consecutive points, which one process owns.
+pub(super) fn rows(members: &[u32]) -> impl Iterator<Item = &[u32]> {
+    members.chunk_by(|a, b| *a as usize / GROUP == *b as usize / GROUP)
 }
 
 impl Layout {
@@ -86,12 +96,14 @@ impl Layout {
             shortest,
             longest,
         }: &Network,
+        points: &Reducer,
     ) -> Option<Self> {
         let most_work = (WORK_FOR_SPRING * springs).clamp(FREE_WORK, MOST_WORK);
         let first = *position.first()?;
         let (low, high) = position
             .iter()
             .fold((first, first), |(low, high), x| (low.inf(x), high.sup(x)));
+        let (low, high) = (low.map(|x| points.min(x)), high.map(|x| points.max(x)));
         // with a margin for rounding
         let mut size = 1.002 * (LEAST_WIDTH * shortest).max(longest / MOST_REACH);
         if size == 0.0 {
@@ -173,8 +185,9 @@ impl CoarseGrid {
         dimension: usize,
         network: &Network,
         free: Vec<[f64; 3]>,
+        points: &Reducer,
     ) -> Option<Self> {
-        let layout = Layout::fitting(position, dimension, network)?;
+        let layout = Layout::fitting(position, dimension, network, points)?;
         let cell: Vec<[usize; 3]> = position.iter().map(|x| layout.cell_at(x)).collect();
         let weights = position.iter().zip(&cell);
         let mut grid = CoarseGrid {
@@ -182,12 +195,20 @@ impl CoarseGrid {
             cell,
             free,
             members: vec![Vec::new(); layout.nodes],
+            terms: 0.0,
             layout,
         };
-        for point in 0..position.len() {
+        for point in 0..points.owned() {
             let first = grid.first_node(point);
             grid.members[first].push(point as u32);
         }
+        let count = grid.members.iter().map(|members| rows(members).count());
+        let mut count: Vec<i64> = count.map(|count| count as i64).collect();
+        if let Some(transport) = points.processes().transport() {
+            transport.sum(&mut count);
+        }
+        let most = count.into_iter().max().unwrap_or_default();
+        grid.terms = CORNERS as f64 * most as f64;
         grid.members.retain(|members| !members.is_empty());
         Some(grid)
     }
@@ -231,19 +252,21 @@ impl CoarseGrid {
     }
 
     /// Forces on the corners of the cell of `members` under unit displacements of the nodes in its window, by
-    /// node and corner.
+    /// node, corner, row and column.
     pub(super) fn stiffness(
         &self,
         members: &[u32],
+        fixed: FixedPoint,
         springs: impl Fn(usize, &mut dyn FnMut(Spring)),
-    ) -> Vec<[[f64; 3]; 3]> {
+    ) -> Halves {
         let corners = 1 << self.layout.dimension;
         let window = self.window().pow(self.layout.dimension as u32);
         let to_corner = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| self.in_window(corner, [0; 3]));
+        let mut sums = Halves::zeros(9 * corners * window);
         let mut block = vec![ZERO; corners * window];
+        let mut is_reached = vec![false; window];
         let mut on_point = vec![ZERO; window];
-        for &point in members {
-            let point = point as usize;
+        let mut add_point = |point: usize, block: &mut [_], is_reached: &mut [bool]| {
             let mut follow = |other: usize, shift: [isize; 3], mut stiffness: [[f64; 3]; 3]| {
                 for row in &mut stiffness {
                     (0..3).for_each(|axis| row[axis] *= self.free[other][axis]);
@@ -272,23 +295,38 @@ impl CoarseGrid {
             follow(point, [0; 3], own);
             let factors = self.weights[point].map(|weight| self.free[point].map(|f| weight * f));
             let nodes = on_point.iter_mut().zip(block.chunks_exact_mut(corners));
+            let nodes = nodes.zip(is_reached);
             // springs reach few nodes of the window
-            for (stiffness, block) in nodes.filter(|(stiffness, _)| **stiffness != ZERO) {
+            for ((stiffness, block), is_reached) in nodes.filter(|((s, _), _)| **s != ZERO) {
                 let sums = block.iter_mut().zip(factors);
                 sums.for_each(|(sum, factors)| accumulate(sum, factors, stiffness));
                 *stiffness = ZERO;
+                *is_reached = true;
+            }
+        };
+        for row in rows(members) {
+            for &point in row {
+                add_point(point as usize, &mut block, &mut is_reached);
+            }
+            let of_nodes = block.chunks_exact_mut(corners).zip(&mut is_reached);
+            for (node, (terms, is_reached)) in of_nodes.enumerate() {
+                if std::mem::take(is_reached) {
+                    let terms = terms.as_flattened_mut().as_flattened_mut();
+                    let first = node * terms.len();
+                    fixed.add(terms, sums.entries(first..first + terms.len()));
+                }
             }
         }
-        block
+        sums
     }
 
     /// Adds the stiffness of a cell to the rows of its corners.
-    pub(super) fn add(&self, members: &[u32], block: &[[[f64; 3]; 3]], matrix: &mut Banded) {
+    pub(super) fn add(&self, members: &[u32], block: &Halves, matrix: &mut BandedSums) {
         let dimension = self.layout.dimension;
         let first = self.first_node(members[0] as usize);
         let before = self.layout.reach * self.layout.stride[..dimension].iter().sum::<usize>();
         let corners = 1 << dimension;
-        for (index, stiffness) in block.iter().enumerate() {
+        for index in 0..corners * self.window().pow(dimension as u32) {
             let (place, corner) = (index / corners, index % corners);
             let node = self.corner_node(first, corner);
             let along = |axis: usize| place / self.window().pow(axis as u32) % self.window();
@@ -297,14 +335,19 @@ impl CoarseGrid {
             let Some(other) = (first + after.sum::<usize>()).checked_sub(before) else {
                 continue;
             };
-            for (a, row) in stiffness.iter().enumerate().take(dimension) {
-                for (b, value) in row.iter().enumerate().take(dimension) {
-                    if *value != 0.0 {
-                        matrix.add(dimension * node + a, dimension * other + b, *value);
-                    }
+            for (a, b) in (0..dimension).flat_map(|a| (0..dimension).map(move |b| (a, b))) {
+                let entry = 9 * index + 3 * a + b;
+                if !block.is_zero(entry) {
+                    let place = [dimension * node + a, dimension * other + b];
+                    matrix.add(place, block, entry);
                 }
             }
         }
+    }
+
+    /// The rounding of sums over the rows of points of cells, of which none is larger than `largest`.
+    pub(super) fn fixed_point(&self, largest: f64) -> FixedPoint {
+        FixedPoint::new(largest, self.terms)
     }
 }
 

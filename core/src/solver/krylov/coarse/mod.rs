@@ -14,16 +14,24 @@ mod tests;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use banded::Banded;
-use grid::{CORNERS, CoarseGrid, Network};
+use banded::{Banded, BandedSums};
+use grid::{CORNERS, CoarseGrid, Network, rows};
 
 use crate::parallel::ParallelLoop;
+use crate::solver::Reducer;
+use crate::solver::exact::Halves;
+use crate::solver::reduce::max_abs;
+use crate::transport::GROUP;
 
 /// Fraction of the coarse displacement that is applied: the diagonal corrects smooth displacements, too.
 const DAMPING: f64 = 0.6;
 
 /// Points that one task moves.
 const CHUNK: usize = 512;
+
+/// Largest entry of the stiffness of a row of points between two nodes over the stiffness of the springs of one point: both ends of each spring
+/// count, weights are one at most, up to rounding.
+const MOST_OF_SPRINGS: f64 = 3.0 * GROUP as f64;
 
 /// Number of cells whose stiffness is held in memory at once.
 const BATCH: usize = 64;
@@ -58,6 +66,15 @@ impl Spring {
     }
 }
 
+/// The springs of a point.
+#[derive(Clone, Copy, Debug, Default)]
+struct Neighbourhood {
+    reach: f64,
+    springs: f64,
+    /// Sum of the largest entries of their stiffnesses.
+    stiffness: f64,
+}
+
 /// Displacements of the nodes of a coarse grid, and the factors of the stiffness between them.
 #[derive(Clone, Debug)]
 pub struct CoarseSpace {
@@ -66,75 +83,94 @@ pub struct CoarseSpace {
 }
 
 impl CoarseSpace {
-    /// The space for points at `position` (m) with the `springs` of each, whose stiffness is that of the
+    /// The space for `points` at `position` (m) with the `springs` of each, whose stiffness is that of the
     /// system to be solved. `free` is zero for held components, else one. `None` for bodies of few cells.
+    ///
+    /// Collective; the same in all processes that share the points, to the bit, and for any number of them: the stiffness of a cell is the
+    /// sum over rows of up to [`GROUP`] points, which add up exactly.
     pub fn new(
         position: &[Vector3<f64>],
         dimension: usize,
         free: Vec<[f64; 3]>,
+        points: &Reducer,
         springs: impl Fn(usize, &mut dyn FnMut(Spring)) + Sync,
     ) -> Option<Self> {
         let neighbourhood = |point: usize| {
-            let (mut reach, mut count) = (0.0_f64, 0);
+            let mut found = Neighbourhood::default();
             springs(point, &mut |spring| {
-                reach = reach.max((position[spring.to] - position[point]).amax());
-                count += 1;
+                let distance = (position[spring.to] - position[point]).amax();
+                let rows = spring.stiffness.as_flattened().iter();
+                found.reach = found.reach.max(distance);
+                found.springs += 1.0;
+                found.stiffness += rows.fold(0.0, |most, k| k.abs().max(most));
             });
-            (reach, count)
+            found
         };
-        let neighbourhoods = (0..position.len()).into_par_iter().map(neighbourhood);
-        let neighbourhoods: Vec<(f64, usize)> = neighbourhoods.collect();
+        let neighbourhoods = (0..points.owned()).into_par_iter().map(neighbourhood);
+        let neighbourhoods: Vec<Neighbourhood> = neighbourhoods.collect();
         // points without springs, such as those whose material is not deposited yet, have no neighbourhood
-        let reaches = neighbourhoods.iter().map(|(reach, _)| *reach);
+        let reaches = neighbourhoods.iter().map(|n| n.reach);
         let reaches = reaches.filter(|reach| *reach > 0.0);
-        let longest = reaches.clone().fold(0.0, f64::max);
+        let longest = points.max(reaches.clone().fold(0.0, f64::max));
+        let stiffest = neighbourhoods.iter().map(|n| n.stiffness);
+        let stiffest = points.max(stiffest.fold(0.0, f64::max));
+        let [count] = points.sum_points(|point| [neighbourhoods[point].springs]);
         let network = Network {
-            springs: neighbourhoods.iter().map(|(_, count)| count).sum(),
-            shortest: reaches.fold(longest, f64::min),
+            springs: count as usize,
+            shortest: points.min(reaches.fold(longest, f64::min)),
             longest,
         };
-        let grid = CoarseGrid::new(position, dimension, &network, free)?;
+        let grid = CoarseGrid::new(position, dimension, &network, free, points)?;
         let (rows, band) = grid.size();
-        let mut matrix = Banded::new(rows, band);
+        let fixed = grid.fixed_point(MOST_OF_SPRINGS * stiffest);
+        let mut sums = BandedSums::new(rows, band);
         for cells in grid.members.chunks(BATCH) {
-            let blocks = cells.par_iter().map(|m| grid.stiffness(m, &springs));
+            let blocks = cells.par_iter().map(|m| grid.stiffness(m, fixed, &springs));
             let blocks: Vec<_> = blocks.collect();
             for (members, block) in cells.iter().zip(&blocks) {
-                grid.add(members, block, &mut matrix);
+                grid.add(members, block, &mut sums);
             }
         }
-        let factor = matrix.factors()?;
+        let factor = sums.total(fixed, points).factors()?;
         Some(CoarseSpace { grid, factor })
     }
 
     /// Adds the coarse displacement under `residual` to `out`, three components for each point.
-    pub(super) fn add_correction(&self, residual: &[f64], out: &mut [f64]) {
+    pub(super) fn add_correction(&self, residual: &[f64], points: &Reducer, out: &mut [f64]) {
         let (grid, dimension) = (&self.grid, self.grid.dimension());
         let corners = 1 << dimension;
+        let fixed = grid.fixed_point(GROUP as f64 * points.max(max_abs(points.own(residual))));
         let (forces, _) = residual.as_chunks::<3>();
         let sums = grid.members.par_iter().map(|members| {
-            let mut sums = [[0.0; 3]; CORNERS];
-            for &point in members {
-                let (free, force) = (&grid.free[point as usize], &forces[point as usize]);
-                let [x, y, z] = [0, 1, 2].map(|axis| free[axis] * force[axis]);
-                let weights = &grid.weights[point as usize];
-                for (sum, weight) in sums.iter_mut().zip(weights).take(corners) {
-                    sum[0] += weight * x;
-                    sum[1] += weight * y;
-                    sum[2] += weight * z;
+            let mut sums = Halves::zeros(3 * CORNERS);
+            let mut of_row = [[0.0; 3]; CORNERS];
+            for row in rows(members) {
+                for &point in row {
+                    let (free, force) = (&grid.free[point as usize], &forces[point as usize]);
+                    let [x, y, z] = [0, 1, 2].map(|axis| free[axis] * force[axis]);
+                    let weights = &grid.weights[point as usize];
+                    for (sum, weight) in of_row.iter_mut().zip(weights).take(corners) {
+                        sum[0] += weight * x;
+                        sum[1] += weight * y;
+                        sum[2] += weight * z;
+                    }
                 }
+                fixed.add(of_row.as_flattened_mut(), sums.entries(0..3 * CORNERS));
             }
             sums
         });
         let sums: Vec<_> = sums.collect();
-        let mut nodes = vec![0.0; grid.size().0];
+        let mut nodes = Halves::zeros(grid.size().0);
         for (members, sums) in grid.members.iter().zip(&sums) {
             let first = grid.first_node(members[0] as usize);
-            for (corner, sum) in sums.iter().enumerate().take(corners) {
+            for corner in 0..corners {
                 let node = grid.corner_node(first, corner);
-                (0..dimension).for_each(|axis| nodes[dimension * node + axis] += sum[axis]);
+                (0..dimension).for_each(|axis| {
+                    nodes.add_entry(dimension * node + axis, sums, 3 * corner + axis)
+                });
             }
         }
+        let mut nodes = fixed.total(nodes, points);
         self.factor.solve(&mut nodes);
         let moved: Vec<[f64; 3]> = nodes
             .chunks_exact(dimension)
@@ -142,8 +178,8 @@ impl CoarseSpace {
             .collect();
         let corner_nodes = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| grid.corner_node(0, corner));
         let (vectors, _) = out.as_chunks_mut::<3>();
-        let points = vectors.par_iter_mut().enumerate().with_min_len(CHUNK);
-        points.for_all(|(point, out)| {
+        let vectors = vectors.par_iter_mut().enumerate().with_min_len(CHUNK);
+        vectors.for_all(|(point, out)| {
             let around = &moved[grid.first_node(point)..];
             let [mut x, mut y, mut z] = *out;
             let weights = grid.weights[point].iter().zip(corner_nodes);

@@ -1,5 +1,5 @@
 use super::*;
-use crate::solver::{Hints, Krylov, KrylovMethod, KrylovOptions, NullSpace};
+use crate::solver::{Hints, Krylov, KrylovMethod, KrylovOptions, NullSpace, Reducer};
 
 /// Points of a lattice, each with springs to the 26 around it; the first half of those softer.
 struct Beam {
@@ -71,7 +71,8 @@ impl Beam {
         let springs = |point: usize, receive: &mut dyn FnMut(Spring)| {
             self.springs[point].iter().for_each(|s| receive(*s));
         };
-        let space = CoarseSpace::new(&self.position, 3, self.free.clone(), springs)
+        let points = Reducer::alone(self.position.len());
+        let space = CoarseSpace::new(&self.position, 3, self.free.clone(), &points, springs)
             .expect("a long beam has many patches");
         let modes = |m: usize| -> Vec<f64> {
             let axis = Vector3::ith_axis(m % 3).into_inner();
@@ -81,7 +82,10 @@ impl Beam {
                 .flat_map(|x| <[f64; 3]>::from(motion(x)))
                 .collect()
         };
-        let null_space = NullSpace::new((0..if free { 6 } else { 0 }).map(modes).collect());
+        let null_space = NullSpace::new(
+            (0..if free { 6 } else { 0 }).map(modes).collect(),
+            &Reducer::default(),
+        );
         let diagonal = |i: usize| {
             let springs = self.springs[i / 3].iter();
             let sum: f64 = springs.map(|s| s.stiffness[i % 3][i % 3]).sum();
@@ -110,6 +114,7 @@ impl Beam {
                 },
                 load,
                 &mut solution,
+                &Reducer::default(),
                 hints,
             )
             .unwrap();
@@ -157,5 +162,6 @@ fn a_free_beam_keeps_out_of_its_rigid_motions() {
 fn a_compact_body_has_no_coarse_space() {
     let beam = Beam::new([4, 4, 4], 1.0, |_| false);
     let none = |_: usize, _: &mut dyn FnMut(Spring)| {};
-    assert!(CoarseSpace::new(&beam.position, 3, beam.free, none).is_none());
+    let points = Reducer::alone(beam.position.len());
+    assert!(CoarseSpace::new(&beam.position, 3, beam.free, &points, none).is_none());
 }

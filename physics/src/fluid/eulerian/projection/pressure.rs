@@ -1,7 +1,9 @@
 //! The pressure with which nothing accumulates anywhere, by conjugate gradients.
 
 use perimelt_core::family::Mirrored;
-use perimelt_core::solver::{Hints, Krylov, KrylovMethod, KrylovOptions, NullSpace, SolverError};
+use perimelt_core::solver::{
+    Hints, Krylov, KrylovMethod, KrylovOptions, NullSpace, Reducer, SolverError,
+};
 use perimelt_core::{Family, SlotField};
 
 use super::kernels::{Diagonal, Spread};
@@ -40,7 +42,7 @@ impl PressureSolver {
         };
         PressureSolver {
             krylov: Krylov::new(KrylovMethod::ConjugateGradient, options),
-            level: NullSpace::constant(points),
+            level: NullSpace::constant(points, &Reducer::alone(points)),
             diagonal: vec![[0.0]; points],
             surplus: vec![0.0; points],
             slots: SlotField::default(),
@@ -80,7 +82,10 @@ impl PressureSolver {
             ..Hints::default()
         };
         let excess = excess.as_flattened();
-        let report = self.krylov.solve(apply, excess, &mut self.surplus, hints)?;
+        let alone = Reducer::alone(excess.len());
+        let report = self
+            .krylov
+            .solve(apply, excess, &mut self.surplus, &alone, hints)?;
         Ok(report.iterations)
     }
 }

@@ -1,0 +1,205 @@
+//! Cases that processes share.
+
+/// A moving arc on a plate with a hole that melts, with convection, radiation, a flux and a held temperature.
+pub const WELD: &str = r#"
+[bodies.plate]
+shape.difference = { from = { box = { min = [0, 0, 0], max = [0.024, 0.02, 0.0085] } }, subtract = { cylinder = { start = [0.017, 0.012, -1], end = [0.017, 0.012, 1], radius = 3e-3 } } }
+spacing = 5e-4
+material = "S355"
+initial.temperature = "293.15 + 2e3 * x"
+
+[[physics]]
+type = "thermal"
+horizon = HORIZON
+
+[[couplers]]
+type = "phase_change"
+
+[[couplers]]
+type = "goldak"
+name = "torch"
+power = 2500
+efficiency = 0.8
+half_width = 2e-3
+depth = 3e-3
+front_length = 2e-3
+rear_length = 4e-3
+toolpath.line = { start = [0.002, 0.008, 0.0085], end = [0.02, 0.008, 0.0085], speed = 0.01 }
+
+[[couplers]]
+type = "convection"
+coefficient = 25
+ambient = 293.15
+
+[[couplers]]
+type = "radiation"
+faces = ["z+"]
+ambient = 293.15
+
+[[couplers]]
+type = "symmetry"
+face = "y-"
+
+[[couplers]]
+type = "prescribed_temperature"
+face = "x-"
+value = 293.15
+
+[time]
+end = 0.6
+
+[log]
+interval = 0.2
+"#;
+
+/// The weld with another solver, which takes long steps.
+pub fn weld_by(solver: &str) -> String {
+    let text = WELD.replace("HORIZON", &format!("1\nstep = 0.05\nsolver = \"{solver}\""));
+    text.replace("spacing = 5e-4", "spacing = 1e-3")
+}
+
+/// The plate of the weld in a steady state: with the heat of all boundaries, and with none of them, so that its mean temperature decides.
+pub fn steady(is_insulated: bool) -> String {
+    let text = weld_by("steady");
+    let all: Vec<&str> = text.split("[[couplers]]").collect();
+    let (end, couplers) = all.split_last().expect("parts");
+    let (held, time) = end.split_once("[time]").expect("times");
+    let boundaries = couplers[3..].iter().chain([&held]);
+    let boundaries = boundaries.map(|text| format!("[[couplers]]{text}"));
+    let boundaries: String = if is_insulated {
+        String::new()
+    } else {
+        boundaries.collect()
+    };
+    let material = "density = 7800\nspecific_heat = 500\nconductivity = { temperature = [300, 900], value = [40, 25] }";
+    let body = all[0].replace("\"S355\"", "\"steel\"");
+    format!("{body}[materials.steel]\n{material}\n\n{boundaries}[time]{time}")
+}
+
+/// A bracket of two materials whose stiffness depends on the temperature: it conducts heat, is pressed, moved and pulled down, and vibrates.
+pub const BRACKET: &str = r#"
+[bodies.bracket]
+shape.difference = { from = { box = { min = [0, 0, 0], max = [0.024, 0.018, 0.0075] } }, subtract = { cylinder = { start = [0.017, 0.012, -1], end = [0.017, 0.012, 1], radius = 3e-3 } } }
+spacing = 7.5e-4
+material = "steel"
+materials = { end = "tin" }
+regions.end.box = { min = [0.018, 0, 0], max = [1, 1, 1] }
+regions.foot.box = { min = [0, 0, 0], max = [0.001, 1, 1] }
+initial.temperature = "293.15 + 2e4 * x"
+initial.velocity = ["20 * y", "0", "-30 * x"]
+
+[materials.steel]
+density = 7800
+fracture_energy = 2e4
+thermal_expansion = 1.2e-5
+youngs_modulus = { temperature = [300, 800], value = [2.1e11, 1.5e11] }
+poissons_ratio = 0.25
+yield_stress = 3e8
+specific_heat = 500
+conductivity = 40
+
+[materials.tin]
+density = 7300
+fracture_energy = 2e4
+thermal_expansion = 2.3e-5
+youngs_modulus = 5e10
+poissons_ratio = 0.25
+specific_heat = 500
+conductivity = 40
+
+[[physics]]
+type = "thermal"
+horizon = 1
+
+[[physics]]
+type = "mechanical"
+kinematics = "KINEMATICS"
+solver.explicit = { damping = 1e3 }
+sections = [{ name = "middle", axis = "x", at = 0.012 }]
+
+[[couplers]]
+type = "thermal_expansion"
+reference_temperature = 293.15
+
+[[couplers]]
+type = "gravity"
+acceleration = [0, 0, -9.81e4]
+
+[[couplers]]
+type = "traction"
+faces = ["x+", "z+"]
+pressure = "1e7 * (1 + 50 * y)"
+factor = { time = [0, 2e-6], value = [0, 1] }
+
+[[couplers]]
+type = "prescribed_displacement"
+region = "foot"
+x = { time = [0, 3e-6], value = [0, 1e-6] }
+z = 0
+
+[[couplers]]
+type = "symmetry"
+face = "y-"
+
+[time]
+end = 6e-6
+
+[log]
+interval = 2e-6
+"#;
+
+/// A bracket that is ordinary state-based.
+pub fn ordinary(text: &str) -> String {
+    let text = text.replace("kinematics", "formulation = \"ordinary\"\nkinematics");
+    text.replace("poissons_ratio = 0.25", "poissons_ratio = 0.3")
+}
+
+/// The bracket, torn apart along `x` and along its diagonals, with an interface through it.
+pub fn torn(kinematics: &str, criterion: &str) -> String {
+    let fracture = format!(
+        r#"fracture = {{ criterion = "{criterion}", no_fail = ["foot"], interface = {{ through = [[0.01, -1], [0.01, 1]], fracture_energy = 1e4 }} }}
+kinematics"#
+    );
+    let text = BRACKET.replace("kinematics", &fracture);
+    let text = text.replace("KINEMATICS", kinematics);
+    let slow = r#"initial.velocity = ["20 * y", "0", "-30 * x"]"#;
+    assert!(text.contains(slow));
+    text.replace(
+        slow,
+        r#"initial.velocity = ["6e3 * (x - 0.012)", "3e3 * (y - 0.009) * (x - 0.004) / 0.01", "0"]"#,
+    )
+}
+
+/// The bracket in equilibrium while it heats up and loads grow.
+pub fn still(solver: &str) -> String {
+    let changes = [
+        (
+            "solver.explicit = { damping = 1e3 }",
+            format!("solver{solver}"),
+        ),
+        (
+            r#"initial.velocity = ["20 * y", "0", "-30 * x"]"#,
+            String::new(),
+        ),
+        ("[0, 2e-6]", "[0, 0.02]".into()),
+        ("[0, 3e-6]", "[0, 0.02]".into()),
+        ("end = 6e-6", "end = 0.03".into()),
+        ("interval = 2e-6", "interval = 0.01".into()),
+    ];
+    changes
+        .iter()
+        .fold(BRACKET.into(), |text: String, (old, new)| {
+            assert!(text.contains(old), "{old}");
+            text.replace(old, new)
+        })
+}
+
+/// The bracket in equilibrium, which nothing holds and only its temperature deforms.
+pub fn free() -> String {
+    let text = still(".quasi_static = {}");
+    let (start, rest) = text
+        .split_once("[[couplers]]\ntype = \"gravity\"")
+        .expect("loads");
+    let (_, time) = rest.split_once("[time]").expect("times");
+    format!("{start}[time]{time}")
+}
