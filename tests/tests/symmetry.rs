@@ -158,3 +158,172 @@ fn half_a_drop_is_smoothed_as_the_whole() {
         }
     }
 }
+
+/// Half of a plate, or the whole plate, that is held at its lower face.
+fn plate(whole: bool, formulation: &str, motion: bool) -> String {
+    let low = if whole { -0.06 } else { 0.0 };
+    let symmetry = match whole {
+        true => "",
+        false => "[[couplers]]\ntype = \"symmetry\"\nface = \"x-\"\n",
+    };
+    let (initial, solver, rest) = match motion {
+        true => (
+            "initial.velocity = [\"3 * sin(20 * x)\", \"5 * cos(25 * x)\", \"0\"]",
+            "solver.explicit = {}\nstep = 1e-7",
+            "[time]\nend = 2e-6\nstep = 1e-7\n[log]\ninterval = 2e-6",
+        ),
+        false => (
+            "initial.temperature = \"400 + 150 * cos(31 * x)\"",
+            "",
+            "[[physics]]\ntype = \"thermal\"\nhorizon = 1\n\n[[couplers]]\ntype = \"thermal_expansion\"\n\
+             reference_temperature = 400\n\n[time]\nend = 0.01\nstep = 0.01\n[log]\ninterval = 0.01",
+        ),
+    };
+    format!(
+        r#"
+[bodies.plate]
+shape.box = {{ min = [{low}, 0, 0], max = [0.06, 0.04, 0.01] }}
+dimension = 2
+thickness = 0.01
+spacing = 0.01
+material = "m"
+{initial}
+
+[materials.m]
+density = 7850
+youngs_modulus = 2e11
+poissons_ratio = 0.3
+conductivity = 40
+specific_heat = 500
+thermal_expansion = 1.2e-5
+
+[[physics]]
+type = "mechanical"
+formulation = "{formulation}"
+{solver}
+
+[[couplers]]
+type = "prescribed_displacement"
+face = "y-"
+x = 0
+y = 0
+
+{symmetry}
+{rest}
+"#
+    )
+}
+
+/// Gradients of temperature and velocity at the plane are those with the image behind it.
+#[test]
+fn half_a_plate_deforms_as_the_whole() {
+    for formulation in ["ordinary", "correspondence", "staggered"] {
+        for motion in [false, true] {
+            let fields: &[&str] = match motion {
+                true => &["velocity", "displacement", "stress"],
+                false => &["displacement", "stress"],
+            };
+            for field in fields {
+                let [half, whole] =
+                    [false, true].map(|whole| at_end(plate(whole, formulation, motion), field));
+                let found = difference(&half, &whole);
+                // the tolerance of the equilibrium
+                assert!(found < 1e-6, "{formulation}, {field}, {motion}: {found}");
+            }
+        }
+    }
+}
+
+/// Flow in a box from `low` on.
+fn flow(low: f64, horizon: f64, state: &str, rest: &str) -> String {
+    format!(
+        r#"
+[bodies.box]
+shape.box = {{ min = [{low}, 0, 0], max = [0.4, 0.4, 0.05] }}
+dimension = 2
+spacing = 0.05
+material = "a"
+
+[materials.a]
+density = 1
+viscosity = 0.05
+
+[[physics]]
+type = "fluid"
+description = "eulerian"
+form = "conservative"
+horizon = {horizon}
+step = 5e-3
+{state}
+
+{rest}
+[time]
+end = 0.1
+[log]
+interval = 0.1
+"#
+    )
+}
+
+/// Layers behind walls that do not slip are curved, also behind the corners of planes of symmetry.
+#[test]
+fn half_a_box_of_fluid_flows_as_the_whole() {
+    let walls = |faces: &str| {
+        format!("[[couplers]]\ntype = \"wall\"\nfaces = [{faces}]\nkind = \"no_slip\"\n")
+    };
+    let force = "[[couplers]]\ntype = \"gravity\"\nacceleration = [0, 1, 0]\n";
+    let state = "state.tait.sound_speed = 10";
+    for horizon in [2.015, 3.015] {
+        let symmetric = "[[couplers]]\ntype = \"symmetry\"\nface = \"x-\"\n";
+        let start = |text: String| {
+            // a flow that is symmetric about x = 0
+            text.replace(
+                "material = \"a\"",
+                "material = \"a\"\ninitial.velocity = [\"0.1 * sin(7.85 * x) * y\", \"0.2 * cos(7.85 * x) * y\", \"0\"]",
+            )
+        };
+        let half = format!("{}{force}{symmetric}", walls("\"x+\", \"y-\", \"y+\""));
+        let whole = format!("{}{force}", walls("\"x-\", \"x+\", \"y-\", \"y+\""));
+        for field in ["velocity", "pressure"] {
+            let half = at_end(start(flow(0.0, horizon, state, &half)), field);
+            let whole = at_end(start(flow(-0.4, horizon, state, &whole)), field);
+            let found = difference(&half, &whole);
+            assert!(found < 1e-11, "{field}, horizon {horizon}: {found}");
+        }
+    }
+}
+
+/// A channel has the same flow in all its sections, whichever axis lies along it.
+#[test]
+fn a_channel_is_uniform_along_its_periodic_axis() {
+    for (along, across) in [("x", "y"), ("y", "x")] {
+        let axis = usize::from(along == "y");
+        let mut acceleration = [0, 0, 0];
+        acceleration[axis] = 1;
+        let rest = format!(
+            "[[couplers]]\ntype = \"wall\"\nfaces = [\"{across}-\", \"{across}+\"]\nkind = \"no_slip\"\n\
+             [[couplers]]\ntype = \"gravity\"\nacceleration = {acceleration:?}\n"
+        );
+        for state in ["state.tait.sound_speed = 10", "state.incompressible = {}"] {
+            let text = flow(0.0, 2.015, state, &rest);
+            let text = text.replace(
+                "material = \"a\"",
+                &format!("material = \"a\"\nperiodic = [\"{along}\"]"),
+            );
+            let velocity = at_end(text, "velocity");
+            let mut sections: HashMap<i64, Vec<f64>> = HashMap::new();
+            for (place, v) in &velocity {
+                assert!(v[1 - axis].abs() < 1e-12, "{along}: {v:?}");
+                sections.entry(place[1 - axis]).or_default().push(v[axis]);
+            }
+            assert_eq!(sections.len(), 8);
+            for values in sections.values() {
+                let spread = values
+                    .iter()
+                    .map(|v| (v - values[0]).abs())
+                    .fold(0.0, f64::max);
+                assert!(spread < 1e-12, "{along}, {state}: {values:?}");
+            }
+        }
+    }
+}

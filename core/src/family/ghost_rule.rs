@@ -79,27 +79,15 @@ impl GhostRule for ByRules<'_> {
     fn fill(self, family: &Family, fields: &mut [SlotField]) {
         let ByRules(rules, component) = self;
         for slots in fields {
-            for (face, ghosts) in family.slots.layers() {
-                let rule = rules.iter().find(|r| r.face == face);
-                let (scale, offset) =
-                    rule.map_or((1.0, 0.0), |r| (r.scale[component], r.offset[component]));
-                let by_place = rule.filter(|r| r.values.is_some());
-                for ghost in ghosts {
-                    let offset = by_place.map_or(offset, |r| r.offset_of(component, ghost.point));
-                    slots[ghost.slot as usize] = scale * slots[ghost.source as usize] + offset;
-                }
-            }
-            if rules.iter().any(|r| r.has_offset(component)) {
-                family.fill_corners(rules, component, slots);
-            }
+            family.fill_layers(rules, component, slots, |_| true);
         }
     }
 }
 
 /// [`ByRules`], and curvature behind faces of a lattice that prescribe all components of a field by odd layers: `c x^2` is
 /// added at the distance x, with the curvature `c = 4/3 (f2 - b - 3 (f1 - b)) / spacing^2` of the parabola through the value
-/// `b` on the face and the two points before it. An odd layer alone has no curvature on the face. Layers behind edges and
-/// corners are not curved.
+/// `b` on the face and the two points before it. An odd layer alone has no curvature on the face. Layers behind the edges and
+/// corners of such faces are not curved; images of layers behind other faces are those of curved ones.
 #[derive(Clone, Copy, Debug)]
 pub struct Curved<'a>(pub ByRules<'a>);
 
@@ -107,8 +95,14 @@ impl GhostRule for Curved<'_> {
     fn fill(self, family: &Family, fields: &mut [SlotField]) {
         let ByRules(rules, component) = self.0;
         self.0.fill(family, fields);
+        let is_curved = |face: Face| {
+            let rule = rules.iter().find(|rule| rule.face == face);
+            !family.slots.periodic[face.axis()]
+                && rule.is_some_and(|r| r.scale == [-1.0; 3] && r.traction.is_none())
+        };
         for slots in fields {
-            family.curve_layers(rules, component, slots);
+            family.curve_layers(rules, component, is_curved, slots);
+            family.fill_layers(rules, component, slots, |face| !is_curved(face));
         }
     }
 }
@@ -266,21 +260,50 @@ impl Family {
         }
     }
 
+    /// Fills the layers behind some faces as boundaries prescribe.
+    fn fill_layers(
+        &self,
+        rules: &[LayerRule],
+        component: usize,
+        slots: &mut [f64],
+        is_filled: impl Fn(Face) -> bool,
+    ) {
+        for (face, ghosts) in self.slots.layers().filter(|(face, _)| is_filled(*face)) {
+            let rule = rules.iter().find(|r| r.face == face);
+            let (scale, offset) =
+                rule.map_or((1.0, 0.0), |r| (r.scale[component], r.offset[component]));
+            let by_place = rule.filter(|r| r.values.is_some());
+            for ghost in ghosts {
+                let offset = by_place.map_or(offset, |r| r.offset_of(component, ghost.point));
+                slots[ghost.slot as usize] = scale * slots[ghost.source as usize] + offset;
+            }
+        }
+        if rules.iter().any(|r| r.has_offset(component)) {
+            self.fill_corners(rules, component, slots);
+        }
+    }
+
     /// Adds the curvature of [`Curved`].
-    fn curve_layers(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
+    fn curve_layers(
+        &self,
+        rules: &[LayerRule],
+        component: usize,
+        is_curved: impl Fn(Face) -> bool,
+        slots: &mut [f64],
+    ) {
         let Some(Stencil { grid, .. }) = self.store.stencil() else {
             return;
         };
-        for (face, ghosts) in self.slots.layers() {
+        let bits = |faces: &mut dyn Iterator<Item = Face>| {
+            faces.fold(0, |bits, face| bits | 1u8 << face as usize)
+        };
+        let curved = bits(&mut Face::ALL.into_iter().filter(|face| is_curved(*face)));
+        for (face, ghosts) in self.slots.layers().filter(|(face, _)| is_curved(*face)) {
             let axis = face.axis();
-            let prescribes_all =
-                |r: &&LayerRule| r.face == face && r.scale == [-1.0; 3] && r.traction.is_none();
-            let Some(rule) = rules.iter().find(prescribes_all) else {
+            let Some(rule) = rules.iter().find(|rule| rule.face == face) else {
                 continue;
             };
-            if self.slots.periodic[axis] {
-                continue;
-            }
+            let of_axis = bits(&mut Face::ALL.into_iter().filter(|face| face.axis() == axis));
             let on_face = 0.5 * rule.offset[component];
             let stride = grid.stride(axis);
             let inwards = |slot: usize, cells: usize| match face.is_upper() {
@@ -291,8 +314,8 @@ impl Family {
                 let (slot, source) = (ghost.slot as usize, ghost.source as usize);
                 let layer = (slot.abs_diff(source) / stride).div_ceil(2);
                 let [first, second] = [layer, layer + 1].map(|cells| inwards(slot, cells));
-                let are_points = grid.mirrored[first] == 0 && grid.mirrored[second] == 0;
-                if !are_points {
+                let faces = grid.mirrored[first] | grid.mirrored[second];
+                if faces & (curved | of_axis) != 0 {
                     continue;
                 }
                 let [first, second] = [first, second].map(|s| slots[s] - on_face);

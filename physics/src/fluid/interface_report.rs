@@ -1,6 +1,6 @@
 //! What is reported of the interface between two fluids, and of the first of them.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 use nalgebra::Vector3;
 use perimelt_core::solver::reduce::sum_points;
@@ -47,6 +47,48 @@ pub(in crate::fluid) struct InterfaceFlow<'a> {
 /// Gradient of the fraction below which a point lies within a fluid, over an inverse spacing.
 const WITHIN: f64 = 0.01;
 
+/// Where a fluid is along a periodic axis of a body, roughly.
+#[derive(Clone, Copy)]
+struct Middle {
+    /// m.
+    at: f64,
+    /// Of the body, m.
+    low: f64,
+    length: f64,
+}
+
+/// The middle by axis of a fluid with this position (m) and volume (m³) of points: the mean on the circle that a periodic axis is. None where the
+/// axis is not periodic, or the fluid is everywhere alike.
+fn middle(body: &Body, point: impl Fn(usize) -> (Vector3<f64>, f64) + Sync) -> [Option<Middle>; 3] {
+    /// Length of the mean vector on the circle below which it has no direction.
+    const LEAST: f64 = 1e-6;
+    let (low, high) = body.bounds();
+    let along = |axis: usize| {
+        let (low, length) = (low[axis], high[axis] - low[axis]);
+        let angle = TAU / length;
+        let [cos, sin, whole] = sum_points(body.points.len(), |i| {
+            let (x, volume) = point(i);
+            let (sin, cos) = (angle * (x[axis] - low)).sin_cos();
+            [volume * cos, volume * sin, volume]
+        });
+        let at = low + sin.atan2(cos) / angle;
+        (cos.hypot(sin) > LEAST * whole).then_some(Middle { at, low, length })
+    };
+    std::array::from_fn(|axis| body.periodic[axis].then(|| along(axis)).flatten())
+}
+
+impl Middle {
+    /// The periodic image of a coordinate that is nearest to the middle, m.
+    fn image(self, x: f64) -> f64 {
+        x - self.length * ((x - self.at) / self.length).round()
+    }
+
+    /// The periodic image of a coordinate that is in the body, m.
+    fn inside(self, x: f64) -> f64 {
+        x - self.length * ((x - self.low) / self.length).floor()
+    }
+}
+
 impl InterfaceReport {
     /// Of a fluid whose fraction has at each point a gradient of this size (1/m).
     pub(in crate::fluid) fn of(
@@ -79,9 +121,21 @@ impl InterfaceReport {
             ]
         };
         let [area, whole, first, second, in_first, in_second] = sum_points(volume.len(), parts);
-        let mean = |of: &[Vector3<f64>]| {
-            let sum = sum_points(volume.len(), |i| (volume[i] * fraction[i] * of[i]).into());
+        let mean = |of: &(dyn Fn(usize) -> Vector3<f64> + Sync)| {
+            let sum = sum_points(volume.len(), |i| (volume[i] * fraction[i] * of(i)).into());
             sum.map(|x| x / whole)
+        };
+        let around = middle(body, |i| (position[i], volume[i] * fraction[i]));
+        let nearest = |i: usize| {
+            Vector3::from_fn(|axis, _| {
+                let x = position[i][axis];
+                around[axis].map_or(x, |middle| middle.image(x))
+            })
+        };
+        let centre = mean(&nearest);
+        let inside = |axis: usize| {
+            let x = centre[axis];
+            around[axis].map_or(x, |middle| middle.inside(x))
         };
         InterfaceReport {
             pressure_jump: match first > 0.0 && second > 0.0 {
@@ -93,8 +147,8 @@ impl InterfaceReport {
                 2 => 2.0 * (PI * whole * body.thickness).sqrt() / area,
                 _ => PI.cbrt() * (6.0 * whole).powf(2.0 / 3.0) / area,
             },
-            centre: mean(position),
-            velocity: mean(velocity),
+            centre: std::array::from_fn(inside),
+            velocity: mean(&|i| velocity[i]),
         }
     }
 

@@ -141,3 +141,68 @@ fn images_mirror_scalars_vectors_and_tensors() {
         }
     }
 }
+
+/// Images of curved layers behind planes of symmetry, and copies of them along periodic axes, are those of curved layers, whichever axis is filled
+/// first.
+#[test]
+fn images_of_curved_layers_are_curved() {
+    use std::collections::HashMap;
+    let shape = Shape::Box(BoxShape {
+        min: [0.0; 3],
+        max: [0.5, 0.5, 0.1],
+    });
+    for wall in [Axis::X, Axis::Y] {
+        for is_periodic in [false, true] {
+            let mut body = Body::fill("box", &shape, 2, 0.1, 0.5).expect("valid");
+            let other = if wall == Axis::X { Axis::Y } else { Axis::X };
+            let mut layers: Vec<Face> = Face::ALL[..4].to_vec();
+            if is_periodic {
+                body.repeat(&[other]).expect("it fills its box");
+                layers.retain(|face| face.axis() == wall.index());
+            }
+            let rule = |face: &Face| {
+                let mut rule = LayerRule::even(*face);
+                if face.axis() == wall.index() {
+                    (rule.scale, rule.offset) = ([-1.0; 3], [0.6; 3]);
+                } else {
+                    rule.scale[face.axis()] = -1.0;
+                }
+                rule
+            };
+            let rules: Vec<LayerRule> = layers.iter().map(rule).collect();
+            let spec = FamilySpec {
+                layers,
+                correction: Correction::None,
+                ..FamilySpec::new(0.2)
+            };
+            let family = Family::build(&body, &spec).expect("valid");
+            let values: Vec<f64> = (0..25).map(|i| (f64::from(i) * 1.7).sin()).collect();
+            let [mut slots, mut plain] = [(); 2].map(|()| SlotField::default());
+            slots.load(&family, &values[..], Curved(ByRules(&rules, 2)));
+            plain.load(&family, &values[..], ByRules(&rules, 2));
+            let of_wall = |ghost: &Ghost| {
+                let passes = [0, 1].map(|side| ghost.passes[2 * wall.index() + side]);
+                (ghost.point, passes)
+            };
+            let across = |ghost: &Ghost| -> u8 {
+                (0..2)
+                    .map(|side| ghost.passes[2 * other.index() + side])
+                    .sum()
+            };
+            let mut single = HashMap::new();
+            for ghost in family.slots.ghosts.iter().filter(|g| across(g) == 0) {
+                let value = slots[ghost.slot as usize];
+                let first = single.entry(of_wall(ghost)).or_insert(value);
+                assert!((*first - value).abs() < 1e-14, "{wall:?} {is_periodic}");
+                let is_curved = value != plain[ghost.slot as usize];
+                assert_eq!(is_curved, of_wall(ghost).1 != [0, 0]);
+            }
+            for ghost in family.slots.ghosts.iter().filter(|g| across(g) == 1) {
+                if let Some(value) = single.get(&of_wall(ghost)) {
+                    let found = slots[ghost.slot as usize];
+                    assert!((found - value).abs() < 1e-14, "{wall:?}: {found} {value}");
+                }
+            }
+        }
+    }
+}

@@ -1,7 +1,7 @@
 //! A fluid that keeps its volume: the pressure follows from the divergence of the flow, which it removes.
 
 use perimelt_core::SetupError;
-use perimelt_core::numbers::check_positive;
+use perimelt_core::numbers::{check_positive, check_within};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +25,8 @@ fn usual_tolerance() -> f64 {
 
 impl StateLaw for Incompressible {
     fn check(&self) -> Result<(), SetupError> {
-        check_positive("tolerance", self.tolerance, "").map(|_| ())
+        check_positive("tolerance", self.tolerance, "")?;
+        check_within("tolerance", self.tolerance, 0.0, 1.0).map(|_| ())
     }
 
     fn pressure(&self, change: DensityChange) -> f64 {

@@ -19,6 +19,7 @@ mod freezing;
 pub(in crate::fluid) mod heat;
 pub(in crate::fluid) mod interface_temperature;
 mod kernels;
+mod limits;
 mod phase;
 mod pressure;
 mod slots;
@@ -41,7 +42,6 @@ use perimelt_core::{Body, Family, SlotField};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use flow::largest;
 use freezing::Freezing;
 use heat::{FlowHeat, HeatedFluid};
 use kernels::{Inputs, JumpSums, RIGID};
@@ -62,9 +62,6 @@ use crate::fluid::pair::FluidPair;
 use crate::fluid::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
 use crate::fluid::walls::Walls;
 use crate::shape_tensor::CompleteFamily;
-
-/// Largest way of the fluid in a step, in spacings.
-const LARGEST_WAY: f64 = 0.4;
 
 /// Flow of a fluid that keeps its volume.
 #[derive(Debug)]
@@ -345,24 +342,6 @@ impl Projection {
     pub(in crate::fluid) fn note_walls(&mut self, rules: &[LayerRule]) {
         let of_face = |rule: &LayerRule| 0.5 * Vector3::from(rule.offset).norm();
         self.state.wall_speed = rules.iter().map(of_face).fold(0.0, f64::max);
-    }
-
-    /// Largest step (s) for this velocity of the fluid (m/s): viscosity as in other fluids, and a way of [`LARGEST_WAY`] of the
-    /// fluid and of the walls, also under the forces of the last step.
-    pub(in crate::fluid) fn stable_step(&self, velocity: &[Vector3<f64>], diffusivity: f64) -> f64 {
-        let diffusivity = (self.phase.as_ref()).map_or(diffusivity, |p| p.pair.diffusivity());
-        let speed = largest(velocity).max(self.state.wall_speed);
-        let way = LARGEST_WAY * self.spacing;
-        let half = 0.5 * (largest(&self.state.acceleration) + self.state.surface_acceleration);
-        let by_way = 2.0 * way / (speed + (speed * speed + 4.0 * half * way).sqrt());
-        let by_viscosity = 1.0 / (self.stability().laplacian * diffusivity);
-        by_way.min(by_viscosity).min(self.capillary_step())
-    }
-
-    /// Largest step (s) that capillary waves allow (Brackbill et al. (1992)).
-    pub(in crate::fluid) fn capillary_step(&self) -> f64 {
-        let tension = |phase: &Phase| phase.pair.capillary_step(self.spacing);
-        self.phase.as_ref().map_or(f64::INFINITY, tension)
     }
 }
 

@@ -28,8 +28,12 @@ use crate::fluid::walls::Walls;
 /// Fractions are cut to this distance from 0 and 1 where their logarithm is taken.
 const CUT: f64 = 1e-12;
 
-/// Least speed at which the layer is kept thin, over that of capillary waves of the spacing.
-const LEAST_SPEED: f64 = 0.05;
+/// Least speed at which the layer is kept thin, over that of capillary waves of the spacing. A drop that moves is braked by tension times its speed
+/// over that of the layer; explicit steps allow hardly more.
+const LEAST_MOBILITY: f64 = 0.15;
+
+/// A speed, over that of capillary waves of the spacing, that is small beside those to which tension drives the fluids.
+const SMALL_SPEED: f64 = 0.05;
 
 /// `sum_j b xi (f_j - f_i)`.
 pub(super) struct Gradient {
@@ -200,13 +204,19 @@ impl Phase {
 
     /// Speed at which the layer is kept thin in a flow of this largest speed, m/s.
     pub(super) fn mobility(&self, speed: f64, spacing: f64) -> f64 {
-        speed.max(LEAST_SPEED * self.pair.capillary_speed(spacing))
+        (self.pair.mobility() * speed).max(self.least_mobility(spacing))
+    }
+
+    /// Speed at which the layer is kept thin where nothing flows, m/s.
+    pub(super) fn least_mobility(&self, spacing: f64) -> f64 {
+        LEAST_MOBILITY * self.pair.capillary_speed(spacing)
     }
 
     /// Speed, small beside those to which tension and a `pressure` on the interface (Pa) may drive the fluids, m/s.
     pub(super) fn surface_speed(&self, pressure: f64, spacing: f64) -> f64 {
         let density: f64 = self.pair.density.iter().sum();
-        self.mobility(LEAST_SPEED * (pressure / density).sqrt(), spacing)
+        let capillary = self.pair.capillary_speed(spacing);
+        SMALL_SPEED * capillary.max((pressure / density).sqrt())
     }
 
     /// What is reported of the interface and the first fluid.
