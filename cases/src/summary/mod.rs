@@ -1,5 +1,5 @@
 //! The numbers that a process engineer reads off a log: temperatures, melt pool, fusion zone, heat-affected zone, cooling,
-//! distortion, stress, energies.
+//! distortion, stress, energies, interfaces between fluids.
 
 use std::io::Write;
 
@@ -16,6 +16,7 @@ use crate::unit;
 
 mod distortion;
 mod fillet;
+mod flow;
 mod heat;
 mod history;
 mod mechanics;
@@ -196,6 +197,9 @@ pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, Log
             }));
         };
         extreme("displacement", "largest displacement at the end", "m");
+        if body.fields.iter().all(|field| field.name != "displacement") {
+            extreme("velocity", "largest speed at the end", "m/s");
+        }
         extreme("damage", "largest damage at the end", "1");
         extreme("hardness", "largest hardness at the end", "HV");
         extreme(
@@ -207,6 +211,7 @@ pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, Log
     }
     mechanics::stress_along_lines(log, &mut found);
     mechanics::beyond_yield(log, &mut found);
+    flow::flow(log, &mut found);
     heat::sources(log, &mut found)?;
     passes::heat_input(log, &passes, &mut found);
     found.extend(errors(log));

@@ -197,6 +197,12 @@ pub enum BodyError {
     /// Points displaced out of their cells.
     #[error("`jitter.amplitude` = {0} must be at least 0 and below 0.5")]
     Jitter(f64),
+    /// An axis that is named twice.
+    #[error("the axis {} is named twice", ["x", "y", "z"][axis.index()])]
+    RepeatedTwice {
+        /// The axis.
+        axis: Axis,
+    },
     /// A body that cannot be periodic.
     #[error("a {dimension}D body cannot be periodic along {}: it must have that axis and cover both faces across it", ["x", "y", "z"][axis.index()])]
     Repeated {
@@ -264,7 +270,10 @@ impl Body {
         if let Discretisation::Layers(layers) = &mut self.discretisation {
             layers.plane_mut().repeat(axes)?;
         }
-        for &axis in axes {
+        for (number, &axis) in axes.iter().enumerate() {
+            if axes[..number].contains(&axis) {
+                return Err(BodyError::RepeatedTwice { axis });
+            }
             if axis.index() >= self.dimension || !self.fills_faces(axis.index()) {
                 let dimension = self.dimension;
                 return Err(BodyError::Repeated { axis, dimension });

@@ -26,6 +26,9 @@ pub struct LogTimes {
 /// Log times are products of floating-point numbers: intervals that are complete but for this part count as complete.
 const ROUNDING: f64 = 1e-12;
 
+/// A part of an interval below this is rounding, and no state.
+const LEAST_PART: f64 = 1e-9;
+
 /// A stage with its start (s) and its number of logged states.
 struct CountedStage {
     from: f64,
@@ -47,8 +50,7 @@ impl LogTimes {
         let mut start = 0.0;
         self.stages.iter().map(move |stage| {
             let from = std::mem::replace(&mut start, stage.until);
-            // a part of an interval below 1e-9 is rounding, and no state
-            let intervals = (stage.until - from) / stage.interval * (1.0 - 1e-9);
+            let intervals = (stage.until - from) / stage.interval * (1.0 - LEAST_PART);
             CountedStage {
                 from,
                 stage: *stage,
@@ -75,12 +77,22 @@ impl LogTimes {
         self.after_stages() + left as f64 * self.interval
     }
 
+    /// Time (s) of the logged state with a number in a run up to `end` (s), where one is logged, too: those within rounding of it are that one.
+    #[must_use]
+    pub fn time_until(&self, number: u64, end: f64) -> f64 {
+        let time = self.time(number);
+        match end - time <= LEAST_PART * self.interval_at(time) {
+            true => end,
+            false => time,
+        }
+    }
+
     /// Number of the last logged state up to a time (s).
     #[must_use]
     pub fn until(&self, time: f64) -> u64 {
         let complete = |from: f64, interval: f64| {
             let intervals = (time - from).max(0.0) / interval;
-            (intervals * (1.0 + ROUNDING)) as u64
+            (intervals * (1.0 + ROUNDING) + LEAST_PART) as u64
         };
         let mut number = 0;
         for CountedStage { from, stage, count } in self.stages() {
@@ -103,8 +115,7 @@ impl LogTimes {
     #[must_use]
     pub fn left(&self, time: f64, end: f64) -> u64 {
         let last = self.until(end);
-        let is_at_end = end - self.time(last) <= 1e-9 * self.interval_at(end);
-        let at_end = u64::from(!is_at_end);
+        let at_end = u64::from(self.time_until(last, end) < end);
         (last + at_end).saturating_sub(self.until(time))
     }
 }
@@ -115,6 +126,23 @@ mod tests {
 
     fn stage(until: f64, interval: f64) -> LogStage {
         LogStage { until, interval }
+    }
+
+    /// Ten intervals of 4e-6 s end 7e-21 s before 4e-5 s.
+    #[test]
+    fn the_last_state_is_logged_once() {
+        for (interval, count, end) in [
+            (4e-6, 10, 4e-5),
+            (1e-6, 100, 1e-4),
+            (0.1, 3, 0.3),
+            (7e-7, 100, 7e-5),
+        ] {
+            let times = LogTimes::every(interval);
+            assert_eq!(times.time_until(count, end), end, "{interval}");
+            assert!(times.time_until(count - 1, end) < end - 0.9 * interval);
+            assert_eq!([times.until(end), times.left(0.0, end)], [count; 2]);
+        }
+        assert!(LogTimes::every(4e-6).time(10) < 4e-5);
     }
 
     #[test]

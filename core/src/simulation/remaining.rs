@@ -78,7 +78,7 @@ impl Simulation {
             if time >= end {
                 return left;
             }
-            let next_log = self.options.log.time(log).min(end);
+            let next_log = self.options.log.time_until(log, end);
             let limit = self.macro_step_at(time);
             let target = self.next_target(time, next_log, limit);
             let is_log = target >= next_log;

@@ -126,8 +126,8 @@ impl Simulation {
 
     /// The next time at which the state is to be logged, s.
     pub fn next_log(&self) -> f64 {
-        let next = self.options.log.time(self.clock.logs + 1);
-        next.min(self.options.end)
+        let next = self.clock.logs + 1;
+        self.options.log.time_until(next, self.options.end)
     }
 
     /// Number of log times until a time (s) of a run that may have had another interval or end.

@@ -10,8 +10,8 @@ use perimelt_core::cell_list::CellList;
 use perimelt_core::numbers::check_at_least;
 use perimelt_core::world::BondBreaker;
 use perimelt_core::{
-    Body, Coupler, Horizon, Prepared, Report, RunError, RunningCoupler, Setup, SetupError, Step,
-    World,
+    Body, Coupler, Horizon, LoadError, Prepared, Report, RunError, RunningCoupler, SavedState,
+    Setup, SetupError, Step, World,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -135,23 +135,40 @@ impl Coupler for GrowingCrack {
     }
 }
 
-impl RunningCoupler for RunningGrowingCrack {
-    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        self.length = self.speed * (step.end() - self.start_time).max(0.0);
+impl RunningGrowingCrack {
+    /// Breaks the pairs up to the tip that are not broken yet.
+    fn break_pairs(&mut self, world: &World) {
         let crossed = self
             .crossings
             .partition_point(|(place, _)| *place <= self.length);
-        // after a restart, all pairs up to the tip
         if self.broken < crossed {
             let new = self.crossings[self.broken..crossed].iter();
             world.break_pairs(&self.breaker, new.map(|(_, pair)| *pair));
             self.broken = crossed;
         }
+    }
+}
+
+impl RunningCoupler for RunningGrowingCrack {
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        self.length = self.speed * (step.end() - self.start_time).max(0.0);
+        self.break_pairs(world);
         Ok(())
     }
 
     fn report(&self) -> Vec<Report> {
         vec![Report::new("length", "m", self.length)]
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(self.length)
+    }
+
+    /// The first step of a run that goes on sees the crack already.
+    fn load(&mut self, world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
+        self.length = erased_serde::deserialize(state)?;
+        self.break_pairs(world);
+        Ok(())
     }
 }
 
@@ -178,6 +195,26 @@ mod tests {
         assert_eq!(broken[1], [[4, 8], [5, 9]]);
         assert_eq!(broken[2], [[4, 8], [5, 9], [6, 10]]);
         assert_eq!(broken[4].len(), 3);
+    }
+
+    #[test]
+    fn a_run_that_goes_on_begins_with_the_crack() {
+        let prepared = || {
+            let mut world = World::new(vec![block([4, 4, 1], 2, STEEL)]);
+            let crack: GrowingCrack = read("from = [0, 2]\nto = [3, 2]\nspeed = 1\nreach = 1");
+            let (crack, _) = prepare(&mut world, crack, |_| ()).expect("valid");
+            (world, crack)
+        };
+        let (world, mut crack) = prepared();
+        crack.apply(&world, Step::new(0.0, 2.0)).expect("applies");
+        let saved = serde_json::to_string(&crack.save()).expect("saved");
+        let (after, mut goes_on) = prepared();
+        let mut source = serde_json::Deserializer::from_str(&saved);
+        let mut state = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
+        goes_on.load(&after, &mut state).expect("loaded");
+        let pairs = |world: &World| world.broken_pairs(0).pairs.clone();
+        assert_eq!(pairs(&world), [[4, 8], [5, 9]]);
+        assert_eq!(pairs(&after), pairs(&world));
     }
 
     #[test]
