@@ -71,7 +71,7 @@ pub fn steady(is_insulated: bool) -> String {
     } else {
         boundaries.collect()
     };
-    let material = "density = 7800\nspecific_heat = 500\nconductivity = { temperature = [300, 900], value = [40, 25] }";
+    let material = "density = 7800\nspecific_heat = 500\nconductivity = { temperature = [300, 900], value = [40, 25] }\nemissivity = 0.7";
     let body = all[0].replace("\"S355\"", "\"steel\"");
     format!("{body}[materials.steel]\n{material}\n\n{boundaries}[time]{time}")
 }
