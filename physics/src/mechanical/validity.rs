@@ -147,7 +147,7 @@ impl Validity {
 
 fn remark_on_displacement(body: &Body, largest: f64) -> String {
     format!(
-        "body `{}` has bonds whose ends are displaced by up to {largest:.3} times their length relative to each other, \
+        "body `{}` has neighbouring points that are displaced by up to {largest:.3} times their distance relative to each other, \
          and `kinematics = \"linear\"` assumes small rotations and strains (use `kinematics = \"finite\"`)",
         body.name
     )
