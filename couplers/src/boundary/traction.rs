@@ -15,8 +15,8 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::in_space::PlacedError;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Prepared, Programme, Report, RunError,
-    RunningCoupler, Setup, SetupError, Step, StepLimits, World, flattened, keys,
+    Change, Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Prepared, Programme, Report,
+    RunError, RunningCoupler, Setup, SetupError, Step, StepLimits, World, flattened, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -138,6 +138,9 @@ impl Traction {
             let message = "`by = \"layer\"` loads whole faces";
             return Err(SetupError::value("region", message, "no `region`"));
         }
+        let message = "layers under traction follow points of several processes";
+        let error = SetupError::value("by", message, "`by = \"body_force\"`, or one process");
+        setup.refuse(body, Change::Division, error)?;
         let mut layers = Vec::new();
         for &face in &self.faces {
             let layer = setup.layer(body, &keys::DISPLACEMENT, face, LayerRole::Prescribed);

@@ -209,6 +209,10 @@ fn rounding(
     weights: Option<&[f64]>,
     temperature: impl Fn(usize) -> f64 + Sync,
 ) -> f64 {
+    // known once the stable step was found
+    if row_sums.is_empty() {
+        return 0.0;
+    }
     let [squares] = points.sum_points(|i| {
         let weight = weights.map_or(1.0, |w| w[i]);
         [(weight * row_sums[i][0] * temperature(i)).powi(2)]
