@@ -15,6 +15,14 @@ struct End {
     checkpoint: Vec<u8>,
 }
 
+impl End {
+    /// The number whose name ends so.
+    fn number(&self, name: &str) -> f64 {
+        let found = self.numbers.iter().find(|(n, _)| n.ends_with(name));
+        f64::from_bits(found.expect("reported").1)
+    }
+}
+
 /// Runs the case to a time (s), from a checkpoint where there is one, as one of some processes; `None` in all but the first.
 fn run(text: &str, until: f64, start: Option<&[u8]>, processes: Processes) -> Option<End> {
     let case = Case::parse("case.toml", text.into(), ".".as_ref()).expect("valid");
@@ -98,16 +106,21 @@ fn run_in(count: usize, text: &str, until: f64, start: Option<&[u8]>) -> End {
         .expect("the first process")
 }
 
+/// Asserts that runs of these numbers of processes end as that of one.
+fn assert_shared(text: &str, alone: &End, counts: &[usize], what: &str) {
+    for &count in counts {
+        let shared = run_in(count, text, 1.0, None);
+        assert_same(&shared, alone, &format!("{what}, {count} processes"));
+    }
+}
+
 #[test]
 fn heat_has_the_same_bits_for_any_number_of_processes() {
     for (horizon, counts) in [("1", [2, 3, 5, 7]), ("3", [2, 3, 4, 5])] {
         let text = WELD.replace("HORIZON", horizon);
         let alone = run_in(1, &text, 1.0, None);
         assert!(alone.steps > 10 && !alone.numbers.is_empty() && alone.fields.len() >= 3);
-        for count in counts {
-            let shared = run_in(count, &text, 1.0, None);
-            assert_same(&shared, &alone, &format!("{count} processes"));
-        }
+        assert_shared(&text, &alone, &counts, horizon);
     }
 }
 
@@ -123,10 +136,7 @@ fn implicit_heat_has_the_same_bits_for_any_number_of_processes() {
     for (solver, text, counts) in all {
         let alone = run_in(1, &text, 1.0, None);
         assert!(alone.fields.len() >= 2, "{solver}");
-        for &count in counts {
-            let shared = run_in(count, &text, 1.0, None);
-            assert_same(&shared, &alone, &format!("{solver}, {count} processes"));
-        }
+        assert_shared(&text, &alone, counts, solver);
     }
 }
 
@@ -147,22 +157,15 @@ fn motion_has_the_same_bits_for_any_number_of_processes() {
         let text = text.replace("KINEMATICS", kinematics);
         let alone = run_in(1, &text, 1.0, None);
         assert!(alone.steps > 10 && alone.fields.len() >= 4);
-        let number = |name: &str| {
-            let found = alone.numbers.iter().find(|(n, _)| n.ends_with(name));
-            f64::from_bits(found.expect("reported").1)
-        };
         for name in [
             "section.middle.x",
             "force.z",
             "energy.kinetic",
             "stress.over_yield",
         ] {
-            assert!(number(name) != 0.0, "{name}");
+            assert!(alone.number(name) != 0.0, "{name}");
         }
-        for &count in counts {
-            let shared = run_in(count, &text, 1.0, None);
-            assert_same(&shared, &alone, &format!("{kinematics}, {count} processes"));
-        }
+        assert_shared(&text, &alone, counts, kinematics);
     }
 }
 
@@ -175,16 +178,9 @@ fn fracture_has_the_same_bits_for_any_number_of_processes() {
     ];
     for (text, counts) in all {
         let alone = run_in(1, &text, 1.0, None);
-        let broken = alone
-            .numbers
-            .iter()
-            .find(|(n, _)| n.ends_with("bonds.broken"));
-        let broken = f64::from_bits(broken.expect("reported").1);
+        let broken = alone.number("bonds.broken");
         assert!(broken > 1000.0, "{broken} bonds");
-        for &count in counts {
-            let shared = run_in(count, &text, 1.0, None);
-            assert_same(&shared, &alone, &format!("{count} processes"));
-        }
+        assert_shared(&text, &alone, counts, "fracture");
     }
 }
 
@@ -205,10 +201,7 @@ fn equilibrium_has_the_same_bits_for_any_number_of_processes() {
     for (name, text, counts) in all {
         let alone = run_in(1, &text, 1.0, None);
         assert!(alone.steps > 3 && alone.fields.len() >= 3, "{name}");
-        for &count in counts {
-            let shared = run_in(count, &text, 1.0, None);
-            assert_same(&shared, &alone, &format!("{name}, {count} processes"));
-        }
+        assert_shared(&text, &alone, counts, name);
     }
 }
 
@@ -230,16 +223,9 @@ x = { time = [0, 0.02], value = [0, 5e-6] }
 [time]"#;
     let text = text.replace("[time]", pull);
     let alone = run_in(1, &text, 1.0, None);
-    let broken = alone
-        .numbers
-        .iter()
-        .find(|(n, _)| n.ends_with("bonds.broken"));
-    let broken = f64::from_bits(broken.expect("reported").1);
+    let broken = alone.number("bonds.broken");
     assert!(broken > 10.0, "{broken} bonds");
-    for count in [2, 3] {
-        let shared = run_in(count, &text, 1.0, None);
-        assert_same(&shared, &alone, &format!("{count} processes"));
-    }
+    assert_shared(&text, &alone, &[2, 3], "slow fracture");
 }
 
 #[test]

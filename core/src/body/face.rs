@@ -60,6 +60,11 @@ impl Face {
         self as usize % 2 == 1
     }
 
+    /// The bit of the face in a set of faces.
+    pub(crate) fn bit(self) -> u8 {
+        1 << self as u8
+    }
+
     /// Name as in case files.
     pub fn name(self) -> &'static str {
         ["x-", "x+", "y-", "y+", "z-", "z+"][self as usize]

@@ -79,7 +79,7 @@ impl GhostRule for ByRules<'_> {
     fn fill(self, family: &Family, fields: &mut [SlotField]) {
         let ByRules(rules, component) = self;
         for slots in fields {
-            family.fill_layers(rules, component, slots, |_| true);
+            family.fill_layers(rules, component, slots, u8::MAX);
         }
     }
 }
@@ -95,14 +95,17 @@ impl GhostRule for Curved<'_> {
     fn fill(self, family: &Family, fields: &mut [SlotField]) {
         let ByRules(rules, component) = self.0;
         self.0.fill(family, fields);
-        let is_curved = |face: Face| {
-            let rule = rules.iter().find(|rule| rule.face == face);
-            !family.slots.periodic[face.axis()]
-                && rule.is_some_and(|r| r.scale == [-1.0; 3] && r.traction.is_none())
-        };
+        let curved = rules.iter().filter(|rule| {
+            let is_odd = rule.scale == [-1.0; 3] && rule.traction.is_none();
+            is_odd && !family.slots.periodic[rule.face.axis()]
+        });
+        let curved = curved.fold(0, |bits, rule| bits | rule.face.bit());
+        if curved == 0 {
+            return;
+        }
         for slots in fields {
-            family.curve_layers(rules, component, is_curved, slots);
-            family.fill_layers(rules, component, slots, |face| !is_curved(face));
+            family.curve_layers(rules, component, slots, curved);
+            family.fill_layers(rules, component, slots, !curved);
         }
     }
 }
@@ -260,15 +263,10 @@ impl Family {
         }
     }
 
-    /// Fills the layers behind some faces as boundaries prescribe.
-    fn fill_layers(
-        &self,
-        rules: &[LayerRule],
-        component: usize,
-        slots: &mut [f64],
-        is_filled: impl Fn(Face) -> bool,
-    ) {
-        for (face, ghosts) in self.slots.layers().filter(|(face, _)| is_filled(*face)) {
+    /// Fills the layers behind a set of faces as boundaries prescribe.
+    fn fill_layers(&self, rules: &[LayerRule], component: usize, slots: &mut [f64], faces: u8) {
+        let layers = self.slots.layers();
+        for (face, ghosts) in layers.filter(|(face, _)| faces & face.bit() != 0) {
             let rule = rules.iter().find(|r| r.face == face);
             let (scale, offset) =
                 rule.map_or((1.0, 0.0), |r| (r.scale[component], r.offset[component]));
@@ -283,27 +281,18 @@ impl Family {
         }
     }
 
-    /// Adds the curvature of [`Curved`].
-    fn curve_layers(
-        &self,
-        rules: &[LayerRule],
-        component: usize,
-        is_curved: impl Fn(Face) -> bool,
-        slots: &mut [f64],
-    ) {
+    /// Adds the curvature of [`Curved`] behind a set of faces.
+    fn curve_layers(&self, rules: &[LayerRule], component: usize, slots: &mut [f64], curved: u8) {
         let Some(Stencil { grid, .. }) = self.store.stencil() else {
             return;
         };
-        let bits = |faces: &mut dyn Iterator<Item = Face>| {
-            faces.fold(0, |bits, face| bits | 1u8 << face as usize)
-        };
-        let curved = bits(&mut Face::ALL.into_iter().filter(|face| is_curved(*face)));
-        for (face, ghosts) in self.slots.layers().filter(|(face, _)| is_curved(*face)) {
+        for (face, ghosts) in self.slots.layers() {
             let axis = face.axis();
-            let Some(rule) = rules.iter().find(|rule| rule.face == face) else {
+            let is_curved = |rule: &&LayerRule| rule.face == face && curved & face.bit() != 0;
+            let Some(rule) = rules.iter().find(is_curved) else {
                 continue;
             };
-            let of_axis = bits(&mut Face::ALL.into_iter().filter(|face| face.axis() == axis));
+            let not_behind = curved | face.bit() | face.opposite().bit();
             let on_face = 0.5 * rule.offset[component];
             let stride = grid.stride(axis);
             let inwards = |slot: usize, cells: usize| match face.is_upper() {
@@ -315,7 +304,7 @@ impl Family {
                 let layer = (slot.abs_diff(source) / stride).div_ceil(2);
                 let [first, second] = [layer, layer + 1].map(|cells| inwards(slot, cells));
                 let faces = grid.mirrored[first] | grid.mirrored[second];
-                if faces & (curved | of_axis) != 0 {
+                if faces & not_behind != 0 {
                     continue;
                 }
                 let [first, second] = [first, second].map(|s| slots[s] - on_face);
@@ -338,7 +327,7 @@ impl Family {
         own.extend_from_slice(rules);
         bends.clear();
         let bent = rules.iter().filter(|r| r.traction.is_some());
-        let bent = bent.fold(0, |bits, r| bits | 1u8 << r.face as usize);
+        let bent = bent.fold(0, |bits, r| bits | r.face.bit());
         // tractions by layers are refused on clouds
         let Some(Stencil { grid, .. }) = self.store.stencil().filter(|_| bent != 0) else {
             return;
@@ -376,7 +365,7 @@ impl Family {
                 }
                 bends.push(bend);
             }
-            done |= 1u8 << face as usize;
+            done |= face.bit();
         }
     }
 }

@@ -81,10 +81,10 @@ impl LayerRule {
 
     /// Whether the forces of a body on the images of its points leave its stiffness symmetric: a mirror image, or a layer that does not move with
     /// the points.
-    pub fn is_symmetric(&self) -> bool {
+    pub fn is_symmetric(&self, dimension: usize) -> bool {
         let mut mirror = [1.0; 3];
         mirror[self.face.axis()] = -1.0;
-        self.traction.is_none() && (self.scale == mirror || self.scale == [0.0; 3])
+        self.traction.is_none() && (self.scale == mirror || is_constant(&self.scale, dimension))
     }
 
     /// The rule without what it prescribes: for differences of two fields.
@@ -203,7 +203,17 @@ pub struct Image {
     pub is_bent: bool,
 }
 
+/// Whether a layer with these factors does not move with the points.
+fn is_constant(scale: &[f64; 3], dimension: usize) -> bool {
+    scale[..dimension].iter().all(|s| *s == 0.0)
+}
+
 impl Image {
+    /// Whether the image does not move with its point, in a body of so many dimensions.
+    pub fn is_constant(&self, dimension: usize) -> bool {
+        is_constant(&self.scale, dimension)
+    }
+
     /// Whether the body and its image form one body that deforms symmetrically: components change sign across the
     /// faces to which they are normal, and only there.
     pub fn is_symmetric(&self) -> bool {

@@ -17,7 +17,7 @@
 
 use super::error::{SolverError, same_length};
 use super::reducer::Reducer;
-use super::vector::update;
+use super::vector::{quotient, update};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -124,12 +124,8 @@ impl Relaxation {
             std::mem::swap(acceleration, previous);
             force(displacement, f)?;
             points.bring(f);
-            // no mass where no bond of this process reaches a point of another one
-            update(acceleration, [f, fictitious_mass], |_, [f, d]| {
-                match d == 0.0 {
-                    true => 0.0,
-                    false => f / d,
-                }
+            update(acceleration, [f, fictitious_mass], |_, parts| {
+                quotient(parts)
             });
             let residual = points.norm(acceleration);
             if !residual.is_finite() {

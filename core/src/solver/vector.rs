@@ -31,6 +31,11 @@ pub(crate) fn update<const N: usize>(
     }
 }
 
+/// `a / d`; zero where `d` is, at points of other processes that no bond of this one reaches.
+pub(crate) fn quotient([a, d]: [f64; 2]) -> f64 {
+    if d == 0.0 { 0.0 } else { a / d }
+}
+
 /// [`update`] of two vectors of one length at once.
 pub(crate) fn update_both<const N: usize>(
     [first, second]: [&mut [f64]; 2],

@@ -126,9 +126,6 @@ impl<'a> Springs<'a> {
             scales[image.slot] = image.scale;
         }
         let stand_in = |point: usize| {
-            if point >= family.points() {
-                return 1.0;
-            }
             let [mut all, mut own] = [0.0; 2];
             family.for_each_bond(point, |_, bond, slot| {
                 all += bond.weight;
@@ -139,8 +136,9 @@ impl<'a> Springs<'a> {
             if own > 0.0 { all / own } else { 1.0 }
         };
         let points = &residual.points;
-        let stand_in = (0..stiffness.len()).into_par_iter().map(stand_in);
+        let stand_in = (0..family.points()).into_par_iter().map(stand_in);
         let mut stand_in: Vec<f64> = stand_in.collect();
+        stand_in.resize(stiffness.len(), 1.0);
         points.bring(&mut stand_in);
         let [count] = points.sum_points(|_| [1.0]);
         let bonds = points.total_of(family.bonds() as f64);

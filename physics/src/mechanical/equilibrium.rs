@@ -89,7 +89,8 @@ impl Statics {
         // Layers under traction and those that hold follow the points in another way than a mirror image would, but points do not follow the
         // layers: this makes the tangent nonsymmetric. So does plastic flow that follows another strain than that of the bonds, or whose law is nonsymmetric.
         let has_layers = residual.solid.base().nodes.corners().is_none();
-        let nonsymmetric = has_layers && residual.rules.iter().any(|rule| !rule.is_symmetric())
+        let is_symmetric = |rule: &LayerRule| rule.is_symmetric(body.dimension);
+        let nonsymmetric = has_layers && !residual.rules.iter().all(is_symmetric)
             || residual.tangent == Tangent::Linearised
                 && !residual.solid.base().has_symmetric_tangent();
         self.newton.options.krylov = match nonsymmetric {

@@ -105,7 +105,7 @@ impl LayerForces {
 
     /// Whether bonds to this image take the forces of this file instead of the state of the image.
     pub(super) fn replace(&self, image: &Image) -> bool {
-        let is_constant = image.scale[..self.dimension].iter().all(|s| *s == 0.0);
+        let is_constant = image.is_constant(self.dimension);
         let keeps_state = image.is_symmetric() || image.is_bent || is_constant;
         !(keeps_state || self.volume.is_empty())
     }

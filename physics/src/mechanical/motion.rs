@@ -200,7 +200,7 @@ impl MechanicalRun {
         };
         let components = (0..inverse.len()).into_par_iter();
         let here = components.with_min_len(4096).any(changes);
-        self.node_reducer(world).processes().any(here)
+        self.node_reducer(world).any(here)
     }
 
     /// Change of momentum and of its moment when the held components stop and their displacement jumps to the held

@@ -255,16 +255,13 @@ impl Thermal {
         body: BodyIndex,
         conduction: &Conduction,
     ) -> Result<(), SetupError> {
-        let mut refuse = |key: &str, message: &str, expected: &str| {
-            let error = SetupError::value(key, message, expected);
-            setup.refuse(body, Change::Division, error)
-        };
-        if !conduction.is_local() {
-            let message = "several processes share conduction by bonds within one material only";
-            let expected = "`form = \"bonds\"` and one material, or one process";
-            refuse("form", message, expected)?;
+        if conduction.is_local() {
+            return Ok(());
         }
-        Ok(())
+        let message = "several processes share conduction by bonds within one material only";
+        let expected = "`form = \"bonds\"` and one material, or one process";
+        let error = SetupError::value("form", message, expected);
+        setup.refuse(body, Change::Division, error)
     }
 
     /// The field of powder and dense material, where the body has powder, whose conductivity is added to `conduction`.

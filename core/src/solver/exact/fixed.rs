@@ -77,16 +77,16 @@ impl Halves {
         [&mut first[entries.clone()], &mut second[entries]]
     }
 
-    /// Adds an entry of other sums.
-    pub(in crate::solver) fn add_entry(&mut self, entry: usize, other: &Halves, of_other: usize) {
-        for (sum, part) in self.0.iter_mut().zip(&other.0) {
-            sum[entry] += part[of_other];
-        }
+    /// Both parts of an entry.
+    pub(in crate::solver) fn at(&self, entry: usize) -> [f64; 2] {
+        self.0.each_ref().map(|part| part[entry])
     }
 
-    /// Whether an entry is zero.
-    pub(in crate::solver) fn is_zero(&self, entry: usize) -> bool {
-        self.0.iter().all(|part| part[entry] == 0.0)
+    /// Adds both parts of another sum to an entry.
+    pub(in crate::solver) fn add_to(&mut self, entry: usize, parts: [f64; 2]) {
+        for (sum, part) in self.0.iter_mut().zip(parts) {
+            sum[entry] += part;
+        }
     }
 }
 

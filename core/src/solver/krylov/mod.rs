@@ -24,7 +24,7 @@ pub use null_space::NullSpace;
 
 use super::error::{SolverError, same_length};
 use super::reducer::Reducer;
-use super::vector::update;
+use super::vector::{quotient, update};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -92,11 +92,7 @@ impl Hints<'_> {
     /// `out = P (D^-1 + coarse) residual`.
     fn precondition(&self, residual: &[f64], points: &Reducer, out: &mut [f64]) {
         match self.diagonal {
-            // zero at points of other processes that no bond reaches
-            Some(diagonal) => update(out, [residual, diagonal], |_, [r, d]| match d == 0.0 {
-                true => 0.0,
-                false => r / d,
-            }),
+            Some(diagonal) => update(out, [residual, diagonal], |_, parts| quotient(parts)),
             None => out.copy_from_slice(residual),
         }
         if let Some(coarse) = self.coarse {

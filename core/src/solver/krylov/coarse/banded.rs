@@ -30,11 +30,11 @@ impl BandedSums {
         }
     }
 
-    /// Adds an entry of other sums at a row and column, if it is left of the diagonal or on it.
-    pub(super) fn add(&mut self, [row, column]: [usize; 2], other: &Halves, of_other: usize) {
+    /// Adds both parts of another sum at a row and column, if it is left of the diagonal or on it.
+    pub(super) fn add(&mut self, [row, column]: [usize; 2], parts: [f64; 2]) {
         if column <= row {
             let entry = (row + 1) * (self.band + 1) - 1 - (row - column);
-            self.entries.add_entry(entry, other, of_other);
+            self.entries.add_to(entry, parts);
         }
     }
 

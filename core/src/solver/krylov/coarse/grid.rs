@@ -336,10 +336,9 @@ impl CoarseGrid {
                 continue;
             };
             for (a, b) in (0..dimension).flat_map(|a| (0..dimension).map(move |b| (a, b))) {
-                let entry = 9 * index + 3 * a + b;
-                if !block.is_zero(entry) {
-                    let place = [dimension * node + a, dimension * other + b];
-                    matrix.add(place, block, entry);
+                let parts = block.at(9 * index + 3 * a + b);
+                if parts != [0.0; 2] {
+                    matrix.add([dimension * node + a, dimension * other + b], parts);
                 }
             }
         }

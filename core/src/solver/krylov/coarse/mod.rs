@@ -142,7 +142,7 @@ impl CoarseSpace {
         let fixed = grid.fixed_point(GROUP as f64 * points.max(max_abs(points.own(residual))));
         let (forces, _) = residual.as_chunks::<3>();
         let sums = grid.members.par_iter().map(|members| {
-            let mut sums = Halves::zeros(3 * CORNERS);
+            let mut sums = [[0.0; 3 * CORNERS]; 2];
             let mut of_row = [[0.0; 3]; CORNERS];
             for row in rows(members) {
                 for &point in row {
@@ -155,7 +155,10 @@ impl CoarseSpace {
                         sum[2] += weight * z;
                     }
                 }
-                fixed.add(of_row.as_flattened_mut(), sums.entries(0..3 * CORNERS));
+                fixed.add(
+                    of_row.as_flattened_mut(),
+                    sums.each_mut().map(|s| &mut s[..]),
+                );
             }
             sums
         });
@@ -165,9 +168,10 @@ impl CoarseSpace {
             let first = grid.first_node(members[0] as usize);
             for corner in 0..corners {
                 let node = grid.corner_node(first, corner);
-                (0..dimension).for_each(|axis| {
-                    nodes.add_entry(dimension * node + axis, sums, 3 * corner + axis)
-                });
+                for axis in 0..dimension {
+                    let parts = sums.map(|sums| sums[3 * corner + axis]);
+                    nodes.add_to(dimension * node + axis, parts);
+                }
             }
         }
         let mut nodes = fixed.total(nodes, points);
