@@ -1,4 +1,7 @@
 //! The instruction sets for which sweeps and sums are compiled, and the one that a program uses.
+//!
+//! Programs with debug assertions, as tests use them, are not compiled for AVX-512, which would take them a third longer: its results are those of AVX2, as
+//! the unit tests of this crate show.
 
 use std::sync::OnceLock;
 
@@ -48,7 +51,30 @@ pub fn limit_instructions(limit: InstructionSet) -> Result<(), InstructionSet> {
 }
 
 pub(crate) fn used() -> InstructionSet {
+    #[cfg(test)]
+    if let Some(limit) = limited::LIMIT.get() {
+        return widest().min(limit);
+    }
     *USED.get_or_init(widest)
+}
+
+/// Sweeps limited to an instruction set, in unit tests.
+#[cfg(test)]
+pub(crate) mod limited {
+    use std::cell::Cell;
+
+    use super::InstructionSet;
+
+    thread_local! {
+        pub(super) static LIMIT: Cell<Option<InstructionSet>> = const { Cell::new(None) };
+    }
+
+    /// Calls `sweep` on a thread whose sweeps are limited to a set.
+    pub(crate) fn to<R: Send>(set: InstructionSet, sweep: impl FnOnce() -> R + Send) -> R {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
+        let pool = pool.start_handler(move |_| LIMIT.set(Some(set))).build();
+        pool.expect("a thread").install(sweep)
+    }
 }
 
 /// Whether sweeps may use fused multiply-adds, which those that visit bonds once require.
@@ -60,7 +86,10 @@ pub(crate) fn can_fuse() -> bool {
 fn widest() -> InstructionSet {
     if !(is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")) {
         InstructionSet::Baseline
-    } else if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
+    } else if cfg!(any(test, not(debug_assertions)))
+        && is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512vl")
+    {
         InstructionSet::Avx512
     } else {
         InstructionSet::Avx2

@@ -132,6 +132,8 @@ pub struct Stepping {
     /// something and are all steady are advanced until their states agree. Of a coupler: its action depends on nothing but
     /// the fields that it reads, and need not be applied again while they stay as they are.
     pub is_steady: bool,
+    /// Whether a coupler acts by the rate of a state, which a steady state does not have.
+    pub acts_by_rate: bool,
     /// What the plugin does up to a certain time, such as its toolpath, as known at a time (s): a run that ends earlier warns.
     /// The events after that time are the programme of a plugin that states none.
     pub programme: Option<ProgrammeAt>,

@@ -245,7 +245,7 @@ fn a_restart_knows_the_work_that_became_heat_before() {
         let heat = values(&world, &keys::HEAT_SOURCE);
         assert_eq!(heat, [3.0 * factor, 5.0 * factor], "{name}");
         assert_eq!(first.report()[0].value, 8.0 * factor, "{name}");
-        let saved = serde_json::to_string(&first.save()).expect("serialises");
+        let saved = serde_json::to_string(&first.save(&world)).expect("serialises");
 
         let mut other = World::new(vec![world.body(0).clone()]);
         let mut second = new(&mut other, table, key);
@@ -279,7 +279,7 @@ fn a_restart_knows_where_a_ball_is_and_how_it_moves() {
     let (world, mut first) = ready();
     // 0.5 m to the topmost points, then 0.2 m into them, then out again
     first.apply(&world, Step::new(0.0, 0.07)).expect("applies");
-    let saved = serde_json::to_string(&first.save()).expect("serialises");
+    let saved = serde_json::to_string(&first.save(&world)).expect("serialises");
     let (other, mut second) = ready();
     restore(&other, &mut *second, &saved);
     for (world, ball) in [(&world, &mut first), (&other, &mut second)] {

@@ -128,7 +128,7 @@ impl Factors {
     }
 }
 
-perimelt_core::register_coupler!("deformation_heat", DeformationHeat, supports: [Layers]);
+perimelt_core::register_coupler!("deformation_heat", DeformationHeat, supports: [Layers, Division]);
 
 #[cfg(test)]
 mod tests {

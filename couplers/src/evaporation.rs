@@ -317,7 +317,7 @@ impl RunningCoupler for RunningEvaporation {
         ]
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(self.account)
     }
 

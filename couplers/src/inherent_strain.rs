@@ -152,6 +152,7 @@ impl Coupler for InherentStrain {
         let level = |p: u32| this.points.position[p as usize].dot(&up.normal());
         let lowest = |p: &u32| level(*p) - 0.5 * this.points.spacing[*p as usize];
         let base = points.iter().map(lowest).fold(f64::INFINITY, f64::min);
+        let base = setup.world().reducer(body).min(base);
         let strain = |&p: &u32| (p, profile.at(level(p) - base));
         let strains = points.iter().map(strain).collect();
         let programme = Programme::of_values([("factor", &self.factor)]);
@@ -185,7 +186,7 @@ impl RunningCoupler for RunningInherentStrain {
     }
 }
 
-perimelt_core::register_coupler!("inherent_strain", InherentStrain, supports: [Births, Cuts]);
+perimelt_core::register_coupler!("inherent_strain", InherentStrain, supports: [Births, Cuts, Division]);
 
 #[cfg(test)]
 mod tests {

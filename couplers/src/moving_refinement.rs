@@ -131,7 +131,7 @@ impl RunningCoupler for RunningMovingRefinement {
         ]
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(self.position)
     }
 

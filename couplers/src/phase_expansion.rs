@@ -141,7 +141,7 @@ impl RunningCoupler for RunningPhaseExpansion {
     }
 }
 
-perimelt_core::register_coupler!("phase_expansion", PhaseExpansion);
+perimelt_core::register_coupler!("phase_expansion", PhaseExpansion, supports: [Division]);
 
 #[cfg(test)]
 mod tests {

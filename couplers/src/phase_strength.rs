@@ -130,7 +130,7 @@ impl RunningCoupler for RunningPhaseStrength {
     }
 }
 
-perimelt_core::register_coupler!("phase_strength", PhaseStrength, supports: [Births, Cuts]);
+perimelt_core::register_coupler!("phase_strength", PhaseStrength, supports: [Births, Cuts, Division]);
 
 #[cfg(test)]
 mod tests {

@@ -43,7 +43,7 @@ impl Coupler for PlasticHeat {
     }
 }
 
-perimelt_core::register_coupler!("plastic_heat", PlasticHeat);
+perimelt_core::register_coupler!("plastic_heat", PlasticHeat, supports: [Division]);
 
 #[cfg(test)]
 mod tests {

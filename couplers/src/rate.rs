@@ -2,13 +2,14 @@
 
 use perimelt_core::field::Value;
 use perimelt_core::parallel::ParallelLoop;
-use perimelt_core::plugin::load_points;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
     Key, LoadError, Read, Report, RunError, RunningCoupler, SavedState, Setup, SetupError, Step,
-    World, Write, keys,
+    Stepping, World, Write, keys,
 };
 use rayon::prelude::*;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 /// Computes the factors at each point that turn the rates of the components of a field into a power per volume (W/m³).
 type FindFactors = Box<dyn FnMut(&World, &mut [f64])>;
@@ -22,8 +23,8 @@ pub(crate) struct WorkHeat<T> {
     find_factors: FindFactors,
     /// Last factors, component by component of each point.
     factor: Vec<f64>,
-    /// Components of the field when the heat was last computed, zero before the first time; part of a checkpoint.
-    seen: Vec<f64>,
+    /// The field when the heat was last computed, zero before the first time; part of a checkpoint.
+    seen: Vec<T>,
     /// Heat by point, W/m³.
     heat: Vec<f64>,
     /// Name of the power in reports.
@@ -32,7 +33,7 @@ pub(crate) struct WorkHeat<T> {
     power: f64,
 }
 
-impl<T: Value> WorkHeat<T> {
+impl<T: Value + Serialize + DeserializeOwned> WorkHeat<T> {
     /// Heat from the rate of the field `key` of a body; its power is reported under `name`.
     pub fn prepare(
         setup: &mut Setup<'_>,
@@ -42,14 +43,17 @@ impl<T: Value> WorkHeat<T> {
         find_factors: impl FnMut(&World, &mut [f64]) + 'static,
     ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let points = setup.body(body).points.len();
-        let zero = vec![0.0; points * T::COMPONENTS];
+        setup.stepping(Stepping {
+            acts_by_rate: true,
+            ..Stepping::default()
+        });
         Ok(Box::new(WorkHeat {
             body,
             field: setup.read(body, key)?,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
             find_factors: Box::new(find_factors),
-            factor: zero.clone(),
-            seen: zero,
+            factor: vec![0.0; points * T::COMPONENTS],
+            seen: vec![T::default(); points],
             heat: vec![0.0; points],
             name,
             power: 0.0,
@@ -57,7 +61,7 @@ impl<T: Value> WorkHeat<T> {
     }
 }
 
-impl<T: Value> RunningCoupler for WorkHeat<T> {
+impl<T: Value + Serialize + DeserializeOwned> RunningCoupler for WorkHeat<T> {
     /// In a step of size zero the rate is zero.
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         (self.find_factors)(world, &mut self.factor);
@@ -70,9 +74,10 @@ impl<T: Value> RunningCoupler for WorkHeat<T> {
                 false => 0.0,
             }
         };
+        let seen: &mut [f64] = bytemuck::cast_slice_mut(&mut self.seen);
         let components = now
             .chunks(T::COMPONENTS)
-            .zip(self.seen.chunks_mut(T::COMPONENTS));
+            .zip(seen.chunks_mut(T::COMPONENTS));
         let points = self.heat.iter_mut().zip(self.factor.chunks(T::COMPONENTS));
         for ((heat, factors), (now, seen)) in points.zip(components) {
             let rates = now.iter().zip(seen).map(rate_of);
@@ -85,9 +90,9 @@ impl<T: Value> RunningCoupler for WorkHeat<T> {
         let mut heat_source = world.write(self.heat_source);
         let points = heat_source.par_iter_mut().zip(&self.heat);
         points.for_all(|(sum, heat)| *sum += heat);
-        // in order, so that the sum does not depend on the number of threads
-        let points = self.heat.iter().zip(&world.body(self.body).points.volume);
-        self.power = points.map(|(heat, volume)| heat * volume).sum();
+        let volume = &world.body(self.body).points.volume;
+        let points = world.reducer(self.body);
+        self.power = points.sum_of([&self.heat, volume], |[heat, volume]| heat * volume);
         Ok(())
     }
 
@@ -95,12 +100,12 @@ impl<T: Value> RunningCoupler for WorkHeat<T> {
         vec![Report::new(self.name, "W", self.power)]
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(&self.seen)
+    fn save(&self, world: &World) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(world.whole_of(self.body, &self.seen))
     }
 
-    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
-        self.seen = load_points(state, self.seen.len())?;
+    fn load(&mut self, world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
+        self.seen = world.load_points(self.body, state)?;
         Ok(())
     }
 }

@@ -49,7 +49,7 @@ impl Coupler for TransformationHeat {
     }
 }
 
-perimelt_core::register_coupler!("transformation_heat", TransformationHeat, supports: [Motion]);
+perimelt_core::register_coupler!("transformation_heat", TransformationHeat, supports: [Motion, Division]);
 
 #[cfg(test)]
 mod tests {

@@ -15,14 +15,13 @@
 //! All are zero where no such event has occurred, and at points whose material has not been deposited yet. The history of a
 //! deposited point begins at the end of the step in which it is born.
 
-use std::cell::OnceCell;
+use std::cmp::Ordering;
 
 use nalgebra::{Cholesky, SMatrix, SVector, Vector3};
 use perimelt_core::body::{Body, BoxImage, BoxImages};
 use perimelt_core::cell_list::CellList;
 use perimelt_core::material::Property;
 use perimelt_core::parallel::ParallelLoop;
-use perimelt_core::plugin::load_points;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::{
     Face, LoadError, Physics, Prepared, Read, RunError, RunningPhysics, SavedState, Setup,
@@ -78,7 +77,7 @@ struct RunningHistory {
     above: Option<f64>,
     solidification: Option<f64>,
     neighbours: CellList,
-    images: OnceCell<Vec<BoxImage>>,
+    images: Vec<BoxImage>,
     /// Histories at the end of the last step.
     points: Vec<PointHistory>,
     /// Histories at the end of this step, and their changes.
@@ -171,8 +170,19 @@ impl ThermalHistory {
         let this = setup.body(body);
         let reach: Vec<f64> = this.points.spacing.iter().map(|s| RADIUS * s).collect();
         let neighbours = CellList::new(&this.points.position, &reach);
+        let images = images(this, &setup.world().symmetry(body));
         let count = this.points.len();
         let (solidus, liquidus) = (common(this, "solidus"), common(this, "liquidus"));
+        let neighbourhood = Neighbourhood {
+            body: this,
+            list: &neighbours,
+            images: &images,
+        };
+        let mut around = vec![false; count];
+        for point in 0..setup.world().reducer(body).owned() {
+            neighbourhood.visit(point, |other, _| around[other] = true);
+        }
+        setup.read_points(body, (0..count).filter(|point| around[*point]));
         Ok(RunningHistory {
             body,
             cooling: self.cooling,
@@ -189,14 +199,14 @@ impl ThermalHistory {
             above: self.above.or(solidus),
             solidification: self.solidification.or(liquidus),
             neighbours,
-            images: OnceCell::new(),
+            images,
             points: vec![PointHistory::default(); count],
             next: Vec::with_capacity(count),
         })
     }
 }
 
-perimelt_core::register_physics!("thermal_history", ThermalHistory, supports: [Births, Cuts]);
+perimelt_core::register_physics!("thermal_history", ThermalHistory, supports: [Births, Cuts, Division]);
 
 impl RunningPhysics for RunningHistory {
     fn start(&mut self, world: &World) -> Result<(), RunError> {
@@ -223,12 +233,12 @@ impl RunningPhysics for RunningHistory {
         Ok(Work::default())
     }
 
-    fn save(&self, _: &World) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(&self.points)
+    fn save(&self, world: &World) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(world.whole_of(self.body, &self.points))
     }
 
-    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
-        self.points = load_points(state, self.points.len())?;
+    fn load(&mut self, world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
+        self.points = world.load_points(self.body, state)?;
         Ok(())
     }
 }
@@ -241,12 +251,10 @@ impl RunningHistory {
         let now: &[f64] = &now;
         let body = world.body(self.body);
         let (above, solidification) = (self.above, self.solidification);
-        let images = || images(body, &world.symmetry(self.body));
-        let images = self.images.get_or_init(images);
         let neighbourhood = Neighbourhood {
             body,
             list: &self.neighbours,
-            images,
+            images: &self.images,
         };
         let points = &self.points;
         let activity = world.activity(self.body);
@@ -375,6 +383,22 @@ struct Neighbourhood<'a> {
 }
 
 impl Neighbourhood<'_> {
+    /// Calls `visit` with the other points within [`RADIUS`] of a point, images included, and the ways there over the spacing of the point.
+    fn visit(&self, point: usize, mut visit: impl FnMut(usize, Vector3<f64>)) {
+        let Neighbourhood { body, list, images } = *self;
+        let (at, spacing) = (body.points.position[point], body.points.spacing[point]);
+        for image in images {
+            list.visit_near(&image.origin(at), RADIUS * spacing, |other| {
+                let mut xi: Vector3<f64> = (image.of(body.points.position[other]) - at) / spacing;
+                (body.dimension..3).for_each(|axis| xi[axis] = 0.0);
+                let is_itself = image.is_original() && other == point;
+                if !is_itself && xi.norm_squared() <= RADIUS * RADIUS {
+                    visit(other, xi);
+                }
+            });
+        }
+    }
+
     /// Gradient of a field at a point, per m, by a least-squares fit of a quadratic polynomial to the points within
     /// [`RADIUS`]; of a linear one where these points do not determine a quadratic one; zero where they determine neither.
     /// Only points for which the field `is_known` count.
@@ -384,24 +408,28 @@ impl Neighbourhood<'_> {
         is_known: impl Fn(usize) -> bool,
         field: impl Fn(usize) -> f64,
     ) -> Vector3<f64> {
-        let Neighbourhood { body, list, images } = *self;
-        let (at, spacing) = (body.points.position[point], body.points.spacing[point]);
+        let spacing = self.body.points.spacing[point];
         let own = field(point);
         let mut moment = SMatrix::<f64, TERMS, TERMS>::zeros();
         let mut right = SVector::<f64, TERMS>::zeros();
-        for image in images {
-            list.visit_near(&image.origin(at), RADIUS * spacing, |other| {
-                let mut xi: Vector3<f64> = (image.of(body.points.position[other]) - at) / spacing;
-                (body.dimension..3).for_each(|axis| xi[axis] = 0.0);
-                let squared = xi.norm_squared();
-                let is_itself = image.is_original() && other == point;
-                if !is_itself && squared <= RADIUS * RADIUS && is_known(other) {
-                    let [x, y, z] = xi.into();
-                    let terms = SVector::from([x, y, z, x * x, y * y, z * z, x * y, y * z, z * x]);
-                    moment += terms * terms.transpose() / squared;
-                    right += terms * ((field(other) - own) / squared);
-                }
-            });
+        let mut around = Vec::new();
+        self.visit(point, |other, xi| {
+            if is_known(other) {
+                around.push((xi.into(), other));
+            }
+        });
+        // in an order that processes which have different points share
+        let by_place = |a: &[f64; 3], b: &[f64; 3]| {
+            let axes = (0..3).map(|axis| a[axis].total_cmp(&b[axis]));
+            axes.fold(Ordering::Equal, Ordering::then)
+        };
+        around.sort_unstable_by(|(a, _), (b, _)| by_place(a, b));
+        for (xi, other) in around {
+            let [x, y, z]: [f64; 3] = xi;
+            let squared = x * x + y * y + z * z;
+            let terms = SVector::from([x, y, z, x * x, y * y, z * z, x * y, y * z, z * x]);
+            moment += terms * terms.transpose() / squared;
+            right += terms * ((field(other) - own) / squared);
         }
         // terms along axes beyond the dimension of the body are zero
         for term in 0..TERMS {

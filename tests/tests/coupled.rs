@@ -6,14 +6,17 @@ use std::path::Path;
 use std::process::Stdio;
 
 use perimelt::case::Case;
+use perimelt::core::law::Constants;
 use perimelt::core::{
     Family, FamilySpec, Key, Physics, Prepared, RunError, RunningPhysics, Setup, Simulation, Step,
     StepLimits, Work, World, Write, register_physics,
 };
+use perimelt::physics::mechanical::Formulation;
+use perimelt::physics::mechanical::law::{ElasticLaw, Parts};
+use perimelt::physics::mechanical::linear::LinearSolids;
 use perimelt::physics::mechanical::moduli::Elasticity;
-use perimelt::physics::mechanical::ordinary::Ordinary;
 use perimelt::physics::mechanical::solid::{Constitution, EnergyKind, Solid, Wanted};
-use perimelt::physics::mechanical::stretch::{BodyLaw, Linear, Pairs};
+use perimelt::physics::mechanical::stretch::Linear;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -209,14 +212,22 @@ fn energy_over_twenty_periods(steps: f64, coupled: bool, iteration: &str) -> [f6
     let modulus = body.materials[0].get("youngs_modulus").cloned();
     let modulus = vec![modulus.expect("given above")];
     let elasticity = Elasticity::bond_based(modulus, body.dimension);
-    let law = Pairs(BodyLaw::new(Linear {}, [0.0; 4]));
-    let elastic = Ordinary::new(body, family, Constitution::elastic(elasticity), law);
-    let mut elastic = elastic.expect("elastic");
-    let start: f64 = energies(&simulation, &mut elastic).iter().sum();
+    let parts = Parts {
+        body,
+        family,
+        constitution: Constitution::elastic(elasticity),
+        formulation: Formulation::Bond,
+        stabilisation: None,
+        name: "linear",
+        constants: Constants::of(body, "", "", &[]).expect("none"),
+    };
+    let law = Box::new(LinearSolids::from(Linear {}));
+    let mut elastic = law.solid(parts).expect("elastic");
+    let start: f64 = energies(&simulation, &mut *elastic).iter().sum();
     let [mut worst, mut thermal, mut change]: [f64; 3] = [0.0; 3];
     while !simulation.is_finished() {
         simulation.step().expect("a step");
-        let now = energies(&simulation, &mut elastic);
+        let now = energies(&simulation, &mut *elastic);
         change = now.iter().sum::<f64>() / start - 1.0;
         worst = worst.max(change.abs());
         thermal = thermal.max(now[2] / start);

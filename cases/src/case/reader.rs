@@ -160,6 +160,20 @@ impl<'a, 'i> Reader<'a, 'i> {
             let expected = "expected a number above 0 and up to 1";
             self.add(self.mistake_at("time.safety", message, expected));
         }
+        let Some(iteration) = time.iteration else {
+            return;
+        };
+        let tolerance = iteration.tolerance;
+        if !(tolerance > 0.0 && tolerance < 1.0) {
+            let message = format!("`time.iteration.tolerance` cannot be {tolerance}");
+            let expected = "expected a number above 0 and below 1";
+            self.add(self.mistake_at("time.iteration.tolerance", message, expected));
+        }
+        if iteration.passes < 2 {
+            let message = format!("`time.iteration.passes` cannot be {}", iteration.passes);
+            let expected = "expected 2 or more: the states of two passes are compared";
+            self.add(self.mistake_at("time.iteration.passes", message, expected));
+        }
     }
 
     /// A mistake at a dotted key of the whole file.

@@ -61,7 +61,8 @@ impl Family {
         }
     }
 
-    /// Keeps those remote points only that bonds reach, directly or by an image.
+    /// Keeps those remote points only that bonds reach, directly or by an image, and those beside the points of images, whose slopes along the face
+    /// the layers under traction follow.
     pub(super) fn forget_unreached(&mut self) {
         if self.slots.remote.is_empty() {
             return;
@@ -70,8 +71,18 @@ impl Family {
         for point in 0..self.points {
             self.for_each_bond(point, |_, _, slot| is_reached[slot] = true);
         }
-        for ghost in self.slots.ghosts.iter().rev() {
-            is_reached[ghost.source as usize] |= is_reached[ghost.slot as usize];
+        let grid = self.store.stencil().map(|stencil| &stencil.grid);
+        for (face, ghosts) in self.slots.layers().rev() {
+            for ghost in ghosts.iter().rev() {
+                let source = ghost.source as usize;
+                if !is_reached[ghost.slot as usize] {
+                    continue;
+                }
+                is_reached[source] = true;
+                if let Some(grid) = grid {
+                    (grid.beside(source, face.axis())).for_each(|slot| is_reached[slot] = true);
+                }
+            }
         }
         self.slots
             .remote

@@ -302,6 +302,21 @@ impl SlotGrid {
         self.origin[axis] + (cell as f64 + 0.5) * self.spacing
     }
 
+    /// The slots beside a slot along an axis, below and above.
+    fn along(&self, slot: usize, axis: usize) -> [Option<usize>; 2] {
+        let (stride, cell) = (self.stride(axis), self.cell(slot, axis));
+        [
+            (cell > 0).then(|| slot - stride),
+            (cell + 1 < self.cells[axis]).then(|| slot + stride),
+        ]
+    }
+
+    /// The slots beside a slot along all axes but `normal`.
+    pub(super) fn beside(&self, slot: usize, normal: usize) -> impl Iterator<Item = usize> {
+        let axes = (0..self.dimension).filter(move |axis| *axis != normal);
+        axes.flat_map(move |axis| self.along(slot, axis).into_iter().flatten())
+    }
+
     /// Derivatives of a field along all axes but `normal`, central where there are `usable` neighbours
     /// on both sides; the argument of `usable` is the faces that mirrored them.
     pub(super) fn lateral(
@@ -314,11 +329,7 @@ impl SlotGrid {
         let usable = |s: &usize| self.mirrored[*s] != NOTHING && usable(self.mirrored[*s]);
         let mut gradient = Matrix3::zeros();
         for axis in (0..self.dimension).filter(|a| *a != normal) {
-            let (stride, cell) = (self.stride(axis), self.cell(slot, axis));
-            let below = (cell > 0).then(|| slot - stride).filter(&usable);
-            let above = (cell + 1 < self.cells[axis])
-                .then(|| slot + stride)
-                .filter(&usable);
+            let [below, above] = self.along(slot, axis).map(|slot| slot.filter(&usable));
             let steps = usize::from(below.is_some()) + usize::from(above.is_some());
             if steps == 0 {
                 continue;

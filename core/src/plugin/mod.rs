@@ -101,7 +101,7 @@ pub trait RunningPhysics {
         PhysicsReport::default()
     }
 
-    /// Internal state that is not a field, of the whole body ([`World::rows_of_whole`]).
+    /// Internal state that is not a field, of the whole body ([`World::whole_of`], [`World::rows_of_whole`]).
     fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(())
     }
@@ -166,8 +166,8 @@ pub trait RunningCoupler {
         Vec::new()
     }
 
-    /// Internal state that is not a field.
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    /// Internal state that is not a field, of the whole body ([`World::whole_of`]).
+    fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(())
     }
 
@@ -179,23 +179,6 @@ pub trait RunningCoupler {
     fn load(&mut self, _world: &World, _state: SavedState<'_, '_>) -> Result<(), LoadError> {
         Ok(())
     }
-}
-
-/// Values by point from a checkpoint ([`RunningPhysics::load`], [`RunningCoupler::load`]) of a body with this number of points.
-///
-/// # Errors
-/// When the state cannot be read, or is that of another number of points.
-pub fn load_points<T: serde::de::DeserializeOwned>(
-    state: SavedState<'_, '_>,
-    points: usize,
-) -> Result<Vec<T>, LoadError> {
-    let values: Vec<T> = erased_serde::deserialize(state)?;
-    if values.len() == points {
-        return Ok(values);
-    }
-    let found = values.len();
-    let message = format!("values of {found} points for a body of {points} points");
-    Err(serde::de::Error::custom(message))
 }
 
 /// Whether a list from a checkpoint has the length that the case gives it.

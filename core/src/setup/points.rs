@@ -156,6 +156,12 @@ impl Setup<'_> {
         Ok(())
     }
 
+    /// Tells that the calling plugin reads values at these points, whichever process owns them, besides those in reach of its families.
+    pub fn read_points(&mut self, body: BodyIndex, points: impl Iterator<Item = usize>) {
+        self.world
+            .read_points(body, points.map(|point| point as u32));
+    }
+
     /// Whether a plugin decides where points of a body are, or what flows through them.
     pub(crate) fn decides_points(&self, plugin: usize) -> bool {
         let mut descriptions = self.world.facts.all::<Description>();

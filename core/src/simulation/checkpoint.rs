@@ -17,7 +17,7 @@ use crate::stepping::{Step, Update};
 pub(super) type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);
 
 /// Version of the layout of checkpoints, those of plugins included.
-const FORMAT: u32 = 12;
+const FORMAT: u32 = 13;
 
 /// A field with its values as bytes, little-endian.
 #[derive(Serialize, Deserialize)]
@@ -107,7 +107,7 @@ impl Simulation {
     }
 
     pub(super) fn save_couplers(&self) -> Result<Vec<ByteBuf>, RunError> {
-        let save = |c: &Ready<dyn RunningCoupler>| Ok(pack(&*c.plugin.save())?.into());
+        let save = |c: &Ready<dyn RunningCoupler>| Ok(pack(&*c.plugin.save(&self.world))?.into());
         self.couplers.iter().map(save).collect()
     }
 
@@ -139,7 +139,7 @@ impl Simulation {
             },
         });
         let physics = (self.physics.iter()).map(|p| PluginState(p.plugin.save(&self.world)));
-        let couplers = self.couplers.iter().map(|c| PluginState(c.plugin.save()));
+        let couplers = (self.couplers.iter()).map(|c| PluginState(c.plugin.save(&self.world)));
         let checkpoint = Checkpoint {
             clock: self.clock.clone(),
             fields: fields.collect(),

@@ -14,9 +14,10 @@ use crate::stepping::Step;
 #[serde(deny_unknown_fields)]
 pub struct Iteration {
     /// Largest relative change of any state field between passes.
-    #[schemars(extend("exclusiveMinimum" = 0))]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub tolerance: f64,
     /// Largest number of passes.
+    #[schemars(extend("minimum" = 2))]
     pub passes: usize,
     /// What happens when the passes end before the tolerance is met.
     #[serde(default)]

@@ -81,6 +81,7 @@ impl Simulation {
         let physics = ready(physics, &mut stepping);
         drop(stepping);
         check_updates(&plan, &physics).map_err(|fault| vec![fault])?;
+        check_rates(&plan, &couplers, &physics).map_err(|fault| vec![fault])?;
         world.set_times(&(0..body_of_field.len()).collect::<Vec<_>>(), 0.0);
         let count = physics.len();
         let rates = plan.groups.iter();
@@ -203,6 +204,29 @@ fn prepare_all(
     ready_physics.sort_by_key(|(i, _)| *i);
     let physics = ready_physics.into_iter().map(|(_, physics)| physics);
     Ok((ready, physics.collect()))
+}
+
+/// Refuses couplers that act on a steady state by the rate of another state.
+fn check_rates(
+    plan: &Plan,
+    couplers: &[Ready<dyn RunningCoupler>],
+    physics: &[Ready<dyn RunningPhysics>],
+) -> Result<(), (Culprit, SetupError)> {
+    let acts_by_rate = |c: &&usize| couplers[**c].stepping.acts_by_rate;
+    for (before, physics) in plan.before.iter().zip(physics) {
+        if !physics.stepping.is_steady {
+            continue;
+        }
+        if let Some(&c) = before.iter().find(acts_by_rate) {
+            let message = format!(
+                "`{}` acts by the rate of a state, and `{}` finds a steady one, in which nothing changes",
+                couplers[c].label, physics.label
+            );
+            let mistake = SetupError::value("", message, "another `solver` of that physics");
+            return Err((Culprit::Coupler(c), mistake));
+        }
+    }
+    Ok(())
 }
 
 /// Refuses physics that advance together although one of them advances only once per log interval.

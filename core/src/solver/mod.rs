@@ -45,8 +45,8 @@ pub use krylov::{
     CoarseSpace, Hints, Krylov, KrylovMethod, KrylovOptions, KrylovReport, NullSpace, Spring,
 };
 pub use newton::{Newton, NewtonOptions, NewtonReport};
-pub use reducer::Reducer;
 pub(crate) use reducer::Shared;
+pub use reducer::{Reducer, SharedNodes};
 pub use relaxation::{Relaxation, RelaxationOptions, RelaxationReport, fictitious_mass};
 pub use rhs::{At, Rhs, rhs};
 pub use rkl2::Rkl2;

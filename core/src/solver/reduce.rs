@@ -26,11 +26,41 @@ const LANES: usize = 8;
 ///
 /// Panics if the lengths differ.
 pub fn sum_of<const N: usize>(inputs: [&[f64]; N], f: impl Fn([f64; N]) -> f64 + Sync) -> f64 {
-    exact_sum_of(inputs, f).value()
+    exact_sum_of(Groups::Even(inputs[0].len()), inputs, f).value()
 }
 
-/// [`sum_of`] before it is rounded.
+/// How the entries of a sum form groups.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Groups<'a> {
+    /// So many entries in groups of [`GROUP`].
+    Even(usize),
+    /// From each of these points or nodes to the next one, of so many entries each.
+    From(&'a [u32], usize),
+}
+
+impl Groups<'_> {
+    fn count(self) -> usize {
+        match self {
+            Groups::Even(entries) => entries.div_ceil(GROUP),
+            Groups::From(starts, _) => starts.len().saturating_sub(1),
+        }
+    }
+
+    /// The entries of a group.
+    fn entries(self, number: usize) -> Range<usize> {
+        match self {
+            Groups::Even(entries) => number * GROUP..entries.min((number + 1) * GROUP),
+            Groups::From(starts, each) => {
+                let [first, end] = [starts[number], starts[number + 1]];
+                first as usize * each..end as usize * each
+            }
+        }
+    }
+}
+
+/// [`sum_of`] in some groups, before it is rounded.
 pub(super) fn exact_sum_of<const N: usize>(
+    groups: Groups<'_>,
     inputs: [&[f64]; N],
     f: impl Fn([f64; N]) -> f64 + Sync,
 ) -> ExactSum {
@@ -38,28 +68,28 @@ pub(super) fn exact_sum_of<const N: usize>(
         inputs.iter().all(|input| input.len() == inputs[0].len()),
         "vectors of a sum must have equal lengths"
     );
-    let [sum] = exact_sums(inputs[0].len(), |range| {
+    let [sum] = exact_sums(groups, |range| {
         [ordered_sum(inputs.map(|input| &input[range.clone()]), &f)]
     });
     sum
 }
 
-/// Sums over entries `0..len` from those of groups.
+/// Sums over entries from those of groups.
 fn exact_sums<const N: usize>(
-    len: usize,
+    groups: Groups<'_>,
     of_group: impl Fn(Range<usize>) -> [f64; N] + Sync,
 ) -> [ExactSum; N] {
+    /// Groups that a task takes at least.
+    const OF_CHUNK: usize = CHUNK / GROUP;
+    let count = groups.count();
     // the call is dynamic, so that the distribution is compiled once and not for every sum
     let add: &(dyn Fn(Sums<N>, usize) -> Sums<N> + Sync) = &|sums, chunk| {
-        let entries = chunk * CHUNK..len.min((chunk + 1) * CHUNK);
-        let groups = entries.len().div_ceil(GROUP);
-        sums.add(groups, |number| {
-            let first = entries.start + number * GROUP;
-            of_group(first..entries.end.min(first + GROUP))
-        })
+        let first = chunk * OF_CHUNK;
+        let here = count.min(first + OF_CHUNK) - first;
+        sums.add(here, |number| of_group(groups.entries(first + number)))
     };
-    let chunks = 0..len.div_ceil(CHUNK);
-    let sums = match len < PARALLEL {
+    let chunks = 0..count.div_ceil(OF_CHUNK);
+    let sums = match count < PARALLEL / GROUP {
         true => chunks.fold(Sums::empty(), add),
         false => {
             let sums = chunks.into_par_iter().fold(Sums::empty, add);
@@ -117,15 +147,15 @@ pub fn weighted_vectors(vectors: &[f64], weights: &[f64]) -> [f64; 3] {
 
 /// `sum_i f(i)` over the points `0..points`, for several sums at once.
 pub fn sum_points<const N: usize>(points: usize, f: impl Fn(usize) -> [f64; N] + Sync) -> [f64; N] {
-    exact_sums_of_points(points, f).map(|sum| sum.value())
+    exact_sums_of_points(Groups::Even(points), f).map(|sum| sum.value())
 }
 
 /// [`sum_points`] before they are rounded.
 pub(super) fn exact_sums_of_points<const N: usize>(
-    points: usize,
+    groups: Groups<'_>,
     f: impl Fn(usize) -> [f64; N] + Sync,
 ) -> [ExactSum; N] {
-    exact_sums(points, |range| {
+    exact_sums(groups, |range| {
         let mut sums = [0.0; N];
         for point in range {
             let parts = f(point);

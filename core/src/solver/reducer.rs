@@ -1,11 +1,15 @@
 //! Sums and extremes over the points of a body, whichever process owns them, and the exchange of their values.
 
-use std::sync::Arc;
+use std::borrow::Cow;
+use std::sync::{Arc, Mutex};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use super::exact::ExactSum;
-use super::reduce::{exact_sum_of, exact_sums_of_points};
-use crate::transport::Processes;
-use crate::transport::exchange::{SharedExchange, lock};
+use super::reduce::{Groups, exact_sum_of, exact_sums_of_points};
+use crate::transport::exchange::{Owners, SharedExchange, gather_to_all, lock};
+use crate::transport::{GROUP, Processes};
 
 /// Sums and extremes over all points of a body, of which this process owns the first ones. Calls are collective: all processes make the same ones.
 ///
@@ -16,7 +20,18 @@ pub struct Reducer {
     /// Points that this process has, and how many of them it owns; zero for vectors of any length.
     points: usize,
     owned: usize,
+    /// Those of nodes; `None` where groups have [`GROUP`] entries.
+    groups: Option<NodeGroups>,
     shared: Shared,
+}
+
+/// Groups of nodes whose sums add up exactly.
+#[derive(Clone, Debug)]
+struct NodeGroups {
+    /// Where the groups of owned nodes begin, and where the last one ends.
+    starts: Arc<[u32]>,
+    /// Number of nodes of the largest group of all processes.
+    largest: f64,
 }
 
 /// What processes that share a body know of each other's points; nothing in a run of one.
@@ -26,6 +41,19 @@ pub(crate) struct Shared {
     pub(crate) exchange: SharedExchange,
     /// Number in the whole body of each point.
     pub(crate) numbers: Arc<[u32]>,
+    /// The process that owns each of the points that this one does not.
+    pub(crate) owners: Arc<[u32]>,
+}
+
+/// Nodes, such as the corners of cells, each of which belongs to the owner of a point.
+#[derive(Clone, Debug, Default)]
+pub struct SharedNodes {
+    /// Number of each node, the same in all processes; owned ones first, each part ascending.
+    pub numbers: Vec<u32>,
+    /// The point to which each belongs. Nodes of points with ascending numbers have ascending numbers.
+    pub point: Vec<u32>,
+    /// Whether this process needs the values of each.
+    pub is_needed: Vec<bool>,
 }
 
 impl Reducer {
@@ -34,6 +62,7 @@ impl Reducer {
         Reducer {
             points,
             owned,
+            groups: None,
             shared,
         }
     }
@@ -41,6 +70,130 @@ impl Reducer {
     /// Of points that no other process has a part of.
     pub fn alone(points: usize) -> Self {
         Reducer::new(points, points, Shared::default())
+    }
+
+    /// The nodes of a body whose points these are. Those of a group of points form a group. Collective.
+    pub fn of_nodes(&self, nodes: SharedNodes) -> Self {
+        let SharedNodes {
+            numbers,
+            point,
+            is_needed,
+        } = nodes;
+        let rank = self.processes().rank();
+        let owners = point.iter().map(|point| self.owner(*point as usize));
+        let (own, others): (Vec<usize>, Vec<usize>) = owners.partition(|owner| *owner == rank);
+        let owned = own.len();
+        let owners: Vec<u32> = others.into_iter().map(|owner| owner as u32).collect();
+        let group = |node: usize| self.number(point[node] as usize) as usize / GROUP;
+        let begins = |node: &usize| *node == 0 || group(*node) != group(*node - 1);
+        let starts = (0..owned).filter(begins).chain([owned]);
+        let starts: Vec<u32> = starts.map(|node| node as u32).collect();
+        let sizes = starts.windows(2).map(|ends| ends[1] - ends[0]);
+        let groups = NodeGroups {
+            largest: self.max(f64::from(sizes.max().unwrap_or_default())),
+            starts: starts.into(),
+        };
+        let plan = Owners {
+            numbers: &numbers,
+            owned,
+            of_others: &owners,
+        };
+        let exchange = plan.plan(self.processes(), &is_needed);
+        Reducer {
+            points: numbers.len(),
+            owned,
+            groups: Some(groups),
+            shared: Shared {
+                processes: self.processes().clone(),
+                exchange: Arc::new(Mutex::new(exchange)),
+                numbers: numbers.into(),
+                owners: owners.into(),
+            },
+        }
+    }
+
+    /// The group of each owned point.
+    pub(super) fn group_of_points(&self) -> Vec<u32> {
+        match &self.groups {
+            None => (0..self.owned).map(|p| (p / GROUP) as u32).collect(),
+            Some(groups) => {
+                let groups = (0..).zip(groups.starts.windows(2));
+                let points = groups.flat_map(|(n, ends)| (ends[0]..ends[1]).map(move |_| n));
+                points.collect()
+            }
+        }
+    }
+
+    /// Number of points of the largest group of all processes, or more.
+    pub(super) fn largest_group(&self) -> f64 {
+        self.groups.as_ref().map_or(GROUP as f64, |g| g.largest)
+    }
+
+    /// The groups of a vector with so many entries of owned points.
+    fn groups(&self, entries: usize) -> Groups<'_> {
+        match &self.groups {
+            Some(groups) => Groups::From(&groups.starts, entries / self.owned.max(1)),
+            None => Groups::Even(entries),
+        }
+    }
+
+    /// The process that owns a point.
+    pub fn owner(&self, point: usize) -> usize {
+        let other = point.checked_sub(self.owned);
+        let owner = other.and_then(|other| self.shared.owners.get(other));
+        owner.map_or(self.processes().rank(), |owner| *owner as usize)
+    }
+
+    /// Number of a point in the whole body.
+    pub fn number(&self, point: usize) -> u32 {
+        let numbers = &self.shared.numbers;
+        numbers.get(point).copied().unwrap_or(point as u32)
+    }
+
+    /// Values by point of all processes, in the order of their numbers, in each of them, from those of owned points; nothing of nothing. Collective.
+    pub fn whole_of<'a, T>(&self, values: &'a [T]) -> Cow<'a, [T]>
+    where
+        T: Clone + Serialize + DeserializeOwned,
+    {
+        let Some(transport) = self.processes().transport() else {
+            return Cow::Borrowed(values);
+        };
+        if values.is_empty() {
+            return Cow::Borrowed(values);
+        }
+        let own = rmp_serde::to_vec(&values[..self.owned]).expect("values in memory");
+        let numbers = gather_to_all(transport, &self.shared.numbers[..self.owned]);
+        let lengths = gather_to_all(transport, &[own.len() as u64]);
+        let bytes: Vec<u8> = gather_to_all(transport, &own);
+        let mut rest = &bytes[..];
+        let mut all: Vec<T> = Vec::with_capacity(numbers.len());
+        for length in lengths {
+            let (of_process, behind) = rest.split_at(length as usize);
+            let values: Vec<T> = rmp_serde::from_slice(of_process).expect("what was written");
+            all.extend(values);
+            rest = behind;
+        }
+        let mut in_order: Vec<(u32, T)> = numbers.into_iter().zip(all).collect();
+        in_order.sort_unstable_by_key(|(number, _)| *number);
+        Cow::Owned(in_order.into_iter().map(|(_, value)| value).collect())
+    }
+
+    /// Those of the values that [`Reducer::whole_of`] gave which belong to points of this process; nothing of nothing. Collective.
+    pub fn part_of<T: Clone>(&self, whole: Vec<T>) -> Vec<T> {
+        let Some(transport) = self.processes().transport() else {
+            return whole;
+        };
+        if whole.is_empty() {
+            return whole;
+        }
+        let mut numbers = gather_to_all(transport, &self.shared.numbers[..self.owned]);
+        numbers.sort_unstable();
+        let of_number = |number: &u32| {
+            // nobody owns some nodes at the rim of a part, whose values are not used
+            let place = numbers.binary_search(number).unwrap_or_else(|near| near);
+            whole[place.min(whole.len() - 1)].clone()
+        };
+        self.shared.numbers.iter().map(of_number).collect()
     }
 
     /// Replaces values by point by those of the owners of the points; where no bond of this process reaches a point, it becomes zero. Not before
@@ -118,12 +271,13 @@ impl Reducer {
         inputs: [&[f64]; N],
         f: impl Fn([f64; N]) -> f64 + Sync,
     ) -> ExactSum {
-        exact_sum_of(inputs.map(|input| self.own(input)), f)
+        let own = inputs.map(|input| self.own(input));
+        exact_sum_of(self.groups(own[0].len()), own, f)
     }
 
     /// `sum_i f(i)` over the points, for several sums at once.
     pub fn sum_points<const N: usize>(&self, f: impl Fn(usize) -> [f64; N] + Sync) -> [f64; N] {
-        exact_sums_of_points(self.owned, f).map(|sum| self.total(sum))
+        exact_sums_of_points(self.groups(self.owned), f).map(|sum| self.total(sum))
     }
 
     /// The total of what each process has summed.

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::{Message, Transport};
+use super::{Message, Processes, Transport};
 
 /// Points whose values go to other processes and come from them, with the messages.
 #[derive(Debug, Default)]
@@ -29,8 +29,88 @@ pub(crate) struct Neighbour {
     pub(crate) received: Vec<u32>,
 }
 
+/// Who owns points of which a process has some.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Owners<'a> {
+    /// Number of each point, the same in all processes; owned ones first, each part ascending.
+    pub(crate) numbers: &'a [u32],
+    /// How many of them this process owns.
+    pub(crate) owned: usize,
+    /// The process that owns each of the others.
+    pub(crate) of_others: &'a [u32],
+}
+
+impl Owners<'_> {
+    /// Tells all processes which points this one needs of them, and learns what they need. Collective.
+    pub(crate) fn plan(self, processes: &Processes, is_needed: &[bool]) -> Exchange {
+        let Some(transport) = processes.transport() else {
+            return Exchange::default();
+        };
+        let rank = transport.rank() as u32;
+        let others = self.owned..self.numbers.len();
+        let needed = others.filter(|p| is_needed[*p]);
+        let received = |process: u32| {
+            let points = needed
+                .clone()
+                .filter(|p| self.of_others[p - self.owned] == process);
+            points.map(|p| p as u32).collect::<Vec<u32>>()
+        };
+        let received: Vec<Vec<u32>> = (0..transport.size() as u32).map(received).collect();
+        // asking process, asked process, number of points, points
+        let mut asked = Vec::new();
+        for (process, points) in (0..)
+            .zip(&received)
+            .filter(|(_, points)| !points.is_empty())
+        {
+            asked.extend([rank, process, points.len() as u32]);
+            asked.extend(points.iter().map(|p| self.numbers[*p as usize]));
+        }
+        let all: Vec<u32> = gather_to_all(transport, &asked);
+        let mut sent = vec![Vec::new(); transport.size()];
+        let mut rest = &all[..];
+        while let [by, of, count, points @ ..] = rest {
+            let (points, behind) = points.split_at(*count as usize);
+            if *of == rank {
+                let own = &self.numbers[..self.owned];
+                let place =
+                    |number: &u32| own.binary_search(number).expect("an owned point") as u32;
+                sent[*by as usize] = points.iter().map(place).collect();
+            }
+            rest = behind;
+        }
+        let neighbours = sent.into_iter().zip(received).enumerate();
+        let neighbours =
+            neighbours.filter(|(_, (sent, received))| !(sent.is_empty() && received.is_empty()));
+        let neighbours = neighbours.map(|(process, (sent, received))| Neighbour {
+            process,
+            sent,
+            received,
+        });
+        let others = self.owned..self.numbers.len();
+        let beyond = others.filter(|p| !is_needed[*p]).map(|p| p as u32);
+        Exchange::new(neighbours.collect(), beyond.collect())
+    }
+}
+
+/// The numbers of all processes, one after the other, in each of them.
+pub(crate) fn gather_to_all<T: bytemuck::Pod>(transport: &dyn Transport, own: &[T]) -> Vec<T> {
+    let mut all = Vec::new();
+    transport.gather(bytemuck::must_cast_slice(own), &mut |_, bytes| {
+        all.extend_from_slice(bytes);
+    });
+    transport.broadcast(&mut all);
+    to_values(&all)
+}
+
+/// Numbers that were sent as bytes.
+pub(crate) fn to_values<T: bytemuck::Pod>(bytes: &[u8]) -> Vec<T> {
+    let mut values = vec![T::zeroed(); bytes.len() / size_of::<T>()];
+    bytemuck::must_cast_slice_mut(&mut values).copy_from_slice(bytes);
+    values
+}
+
 impl Exchange {
-    pub(crate) fn new(neighbours: Vec<Neighbour>, beyond: Vec<u32>) -> Self {
+    fn new(neighbours: Vec<Neighbour>, beyond: Vec<u32>) -> Self {
         let message = |neighbour: &Neighbour| Message {
             process: neighbour.process,
             ..Message::default()

@@ -5,16 +5,21 @@
 //! wrong at the other ones after a step: [`World::exchange`] brings the values of their owners. Sums over points go through
 //! [`World::reducer`].
 
+use std::borrow::Cow;
 use std::sync::Arc;
+
+use serde::Serialize;
+use serde::de::{DeserializeOwned, Error};
 
 use super::{BodyIndex, World};
 use crate::body::{Horizon, Part, partition};
 use crate::error::SetupError;
 use crate::field::{FieldIndex, Write};
+use crate::plugin::{LoadError, SavedState};
 use crate::point_rows::PointRows;
 use crate::solver::{Reducer, Shared};
-use crate::transport::exchange::{Exchange, Neighbour, SharedExchange, lock};
-use crate::transport::{Processes, Transport};
+use crate::transport::Processes;
+use crate::transport::exchange::{Owners, SharedExchange, gather_to_all, lock, to_values};
 
 /// The points of a body that this process has.
 #[derive(Debug)]
@@ -25,8 +30,10 @@ pub(crate) struct Division {
     /// Number of points of the whole body.
     points: usize,
     /// The process that owns each of the points around the owned ones.
-    owners: Vec<u32>,
+    owners: Arc<[u32]>,
     exchange: SharedExchange,
+    /// Points of other processes that plugins read besides those in reach of families.
+    read: Vec<u32>,
 }
 
 impl World {
@@ -43,6 +50,7 @@ impl World {
             processes: self.processes.clone(),
             exchange: division.exchange.clone(),
             numbers: division.numbers.clone(),
+            owners: division.owners.clone(),
         });
         Reducer::new(points, owned, shared.unwrap_or_default())
     }
@@ -126,12 +134,21 @@ impl World {
             owners: others.iter().map(|p| owner[*p as usize]).collect(),
             numbers: numbers.into(),
             exchange: Arc::default(),
+            read: Vec::new(),
         });
         self.bodies[body] = part;
         Ok(())
     }
 
-    /// Finds what is exchanged: the values of all points that families reach.
+    /// Lets the values of these points be exchanged where other processes own them.
+    pub(crate) fn read_points(&mut self, body: BodyIndex, points: impl Iterator<Item = u32>) {
+        if let Some(division) = &mut self.divisions[body] {
+            let owned = division.owned as u32;
+            division.read.extend(points.filter(|p| *p >= owned));
+        }
+    }
+
+    /// Finds what is exchanged: the values of all points that families reach or plugins read.
     pub(crate) fn plan_exchanges(&mut self) {
         if let Some(whole) = &mut self.whole {
             let bodies = &whole.bodies;
@@ -144,6 +161,10 @@ impl World {
                 continue;
             };
             let mut is_needed = vec![false; division.numbers.len()];
+            division
+                .read
+                .iter()
+                .for_each(|p| is_needed[*p as usize] = true);
             for (of, family) in self.families() {
                 if of.body == body {
                     family
@@ -152,7 +173,12 @@ impl World {
                         .for_each(|(_, p)| is_needed[*p as usize] = true);
                 }
             }
-            let exchange = division.find_exchange(&self.processes, &is_needed);
+            let owners = Owners {
+                numbers: &division.numbers,
+                owned: division.owned,
+                of_others: &division.owners,
+            };
+            let exchange = owners.plan(&self.processes, &is_needed);
             *lock(&division.exchange) = exchange;
         }
     }
@@ -221,6 +247,32 @@ impl World {
         })
     }
 
+    /// Values by point of the whole body, in all processes, from those of owned points, for checkpoints; nothing of nothing. Collective.
+    pub fn whole_of<'a, T>(&self, body: BodyIndex, values: &'a [T]) -> Cow<'a, [T]>
+    where
+        T: Clone + Serialize + DeserializeOwned,
+    {
+        self.reducer(body).whole_of(values)
+    }
+
+    /// Reads what a plugin has saved by [`World::whole_of`].
+    ///
+    /// # Errors
+    /// When the state cannot be read, or is that of another number of points.
+    pub fn load_points<T: Clone + DeserializeOwned>(
+        &self,
+        body: BodyIndex,
+        state: SavedState<'_, '_>,
+    ) -> Result<Vec<T>, LoadError> {
+        let whole: Vec<T> = erased_serde::deserialize(state)?;
+        let (found, points) = (whole.len(), self.points_of_whole(body));
+        if found == points {
+            return Ok(self.reducer(body).part_of(whole));
+        }
+        let message = format!("values of {found} points for a body of {points} points");
+        Err(LoadError::custom(message))
+    }
+
     /// The entries of a field by point of the whole body, in the first process; `None` in others. Collective.
     pub fn gather(&self, body: BodyIndex, values: &[f64]) -> Option<Vec<f64>> {
         let (Some(division), Some(transport)) = (&self.divisions[body], self.processes.transport())
@@ -243,74 +295,5 @@ impl World {
             }
         });
         (transport.rank() == 0).then_some(whole)
-    }
-}
-
-/// The numbers of all processes, one after the other, in each of them.
-fn gather_to_all<T: bytemuck::Pod>(transport: &dyn Transport, own: &[T]) -> Vec<T> {
-    let mut all = Vec::new();
-    transport.gather(bytemuck::must_cast_slice(own), &mut |_, bytes| {
-        all.extend_from_slice(bytes);
-    });
-    transport.broadcast(&mut all);
-    to_values(&all)
-}
-
-/// Numbers that were sent as bytes.
-fn to_values<T: bytemuck::Pod>(bytes: &[u8]) -> Vec<T> {
-    let mut values = vec![T::zeroed(); bytes.len() / size_of::<T>()];
-    bytemuck::must_cast_slice_mut(&mut values).copy_from_slice(bytes);
-    values
-}
-
-impl Division {
-    /// Tells all processes which points this one needs of them, and learns what they need.
-    fn find_exchange(&self, processes: &Processes, is_needed: &[bool]) -> Exchange {
-        let Some(transport) = processes.transport() else {
-            return Exchange::default();
-        };
-        let rank = transport.rank() as u32;
-        let others = self.owned..self.numbers.len();
-        let needed = others.filter(|p| is_needed[*p]);
-        let received = |process: u32| {
-            let points = needed
-                .clone()
-                .filter(|p| self.owners[p - self.owned] == process);
-            points.map(|p| p as u32).collect::<Vec<u32>>()
-        };
-        let received: Vec<Vec<u32>> = (0..transport.size() as u32).map(received).collect();
-        // asking process, asked process, number of points, points
-        let mut asked = Vec::new();
-        for (process, points) in (0..)
-            .zip(&received)
-            .filter(|(_, points)| !points.is_empty())
-        {
-            asked.extend([rank, process, points.len() as u32]);
-            asked.extend(points.iter().map(|p| self.numbers[*p as usize]));
-        }
-        let all: Vec<u32> = gather_to_all(transport, &asked);
-        let mut sent = vec![Vec::new(); transport.size()];
-        let mut rest = &all[..];
-        while let [by, of, count, points @ ..] = rest {
-            let (points, behind) = points.split_at(*count as usize);
-            if *of == rank {
-                let own = &self.numbers[..self.owned];
-                let place =
-                    |number: &u32| own.binary_search(number).expect("an owned point") as u32;
-                sent[*by as usize] = points.iter().map(place).collect();
-            }
-            rest = behind;
-        }
-        let neighbours = sent.into_iter().zip(received).enumerate();
-        let neighbours =
-            neighbours.filter(|(_, (sent, received))| !(sent.is_empty() && received.is_empty()));
-        let neighbours = neighbours.map(|(process, (sent, received))| Neighbour {
-            process,
-            sent,
-            received,
-        });
-        let others = self.owned..self.numbers.len();
-        let beyond = others.filter(|p| !is_needed[*p]).map(|p| p as u32);
-        Exchange::new(neighbours.collect(), beyond.collect())
     }
 }

@@ -1,6 +1,7 @@
 //! Clamps: points held at zero displacement until the clamp is released.
 
 use nalgebra::Vector3;
+use perimelt_core::numbers::check_at_least;
 use perimelt_core::{
     Axis, Coupler, Prepared, Programme, RunError, RunningCoupler, Setup, SetupError, Step,
     StepLimits, World, Write, keys,
@@ -65,6 +66,7 @@ impl Coupler for Clamp {
                 format!("some of {:?}", &["x", "y", "z"][..dimension]),
             ));
         }
+        check_at_least("until", self.until, 0.0, "s")?;
         // the sum of held displacements is zero without an addition
         let released = |until| Programme::new("the clamp is released", until);
         setup.stepping(with_programme(self.until.map(released)));

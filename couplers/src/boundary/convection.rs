@@ -232,7 +232,7 @@ impl RunningCoupler for RunningConvection {
     }
 
     /// The surroundings of the last step, on which the next stable step depends.
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(self.heat.law().ambient.clone())
     }
 

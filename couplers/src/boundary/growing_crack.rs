@@ -160,7 +160,7 @@ impl RunningCoupler for RunningGrowingCrack {
         vec![Report::new("length", "m", self.length)]
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(self.length)
     }
 
@@ -207,7 +207,7 @@ mod tests {
         };
         let (world, mut crack) = prepared();
         crack.apply(&world, Step::new(0.0, 2.0)).expect("applies");
-        let saved = serde_json::to_string(&crack.save()).expect("saved");
+        let saved = serde_json::to_string(&crack.save(&world)).expect("saved");
         let (after, mut goes_on) = prepared();
         let mut source = serde_json::Deserializer::from_str(&saved);
         let mut state = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);

@@ -10,8 +10,8 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::in_space::{Placed, PlacedError};
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Change, Coupler, GivenValue, InSpace, LayerRole, Prepared, Programme, RunError, RunningCoupler,
-    Setup, SetupError, Step, StepLimits, World, Write, flattened, keys,
+    Coupler, GivenValue, InSpace, LayerRole, Prepared, Programme, RunError, RunningCoupler, Setup,
+    SetupError, Step, StepLimits, World, Write, flattened, keys,
 };
 
 use super::{BoundaryLocation, HeldPlace, LayerKind, with_programme};
@@ -95,9 +95,6 @@ impl Coupler for PrescribedDisplacement {
                     let expected = "a uniform value, or `region` in place of `face`";
                     return Err(SetupError::value(["x", "y", "z"][axis], message, expected));
                 }
-                let message = "forces at a face that is held belong to points of several processes";
-                let error = SetupError::value("face", message, "`region`, or one process");
-                setup.refuse(body, Change::Division, error)?;
                 let layer = setup.layer(body, &keys::DISPLACEMENT, face, LayerRole::Prescribed)?;
                 let scale = given.map(|given| if given { self.layer.rule(0.0).0 } else { 1.0 });
                 let rule = LayerRule {

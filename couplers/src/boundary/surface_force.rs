@@ -40,22 +40,36 @@ impl SurfaceForce {
         let points = &world.body(self.body).points;
         let mut body_force = world.write(self.body_force);
         let mut moment = self.moment.map(|moment| world.write(moment));
-        let reducer = world.reducer(self.body);
-        let mut whole: [ExactSum; 3] = Default::default();
-        for (index, cell) in with_material(world, self.body, cells) {
+        whole_force(world, self.body, cells, |(index, cell)| {
             let point = cell.point as usize;
             let force = force_on((index, cell));
-            if point < reducer.owned() {
-                (0..3).for_each(|axis| whole[axis].add(force[axis]));
-            }
             let density = force / points.volume[point];
             body_force[point] += density;
             if let Some(moment) = &mut moment {
                 moment[point] += density * arm(points, cell).transpose();
             }
-        }
-        whole.map(|sum| reducer.total(sum)).into()
+            force
+        })
     }
+}
+
+/// The sum of the forces (N) on the cells with material of a surface, by their places in the list, whichever process owns their points. `force_on` is
+/// called for all cells that this process has. Collective.
+pub(super) fn whole_force(
+    world: &World,
+    body: BodyIndex,
+    cells: &[SurfaceCell],
+    mut force_on: impl FnMut((usize, &SurfaceCell)) -> Vector3<f64>,
+) -> Vector3<f64> {
+    let reducer = world.reducer(body);
+    let mut whole: [ExactSum; 3] = Default::default();
+    for (index, cell) in with_material(world, body, cells) {
+        let force = force_on((index, cell));
+        if (cell.point as usize) < reducer.owned() {
+            (0..3).for_each(|axis| whole[axis].add(force[axis]));
+        }
+    }
+    whole.map(|sum| reducer.total(sum)).into()
 }
 
 /// Arm from the point of a cell of a surface to its face, m.
@@ -70,7 +84,7 @@ pub(super) fn face_centres(points: &Points, cells: &[SurfaceCell]) -> Vec<Vector
 }
 
 /// The cells of a surface that have material now, with their places in the list.
-pub(super) fn with_material<'a>(
+fn with_material<'a>(
     world: &World,
     body: BodyIndex,
     cells: &'a [SurfaceCell],

@@ -15,13 +15,13 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::in_space::PlacedError;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Change, Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Prepared, Programme, Report,
-    RunError, RunningCoupler, Setup, SetupError, Step, StepLimits, World, flattened, keys,
+    Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Prepared, Programme, Report, RunError,
+    RunningCoupler, Setup, SetupError, Step, StepLimits, World, flattened, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::surface_force::{SurfaceForce, face_centres, with_material};
+use super::surface_force::{SurfaceForce, face_centres, whole_force};
 use super::with_programme;
 use crate::InTime;
 use crate::in_time::earlier;
@@ -138,9 +138,6 @@ impl Traction {
             let message = "`by = \"layer\"` loads whole faces";
             return Err(SetupError::value("region", message, "no `region`"));
         }
-        let message = "layers under traction follow points of several processes";
-        let error = SetupError::value("by", message, "`by = \"body_force\"`, or one process");
-        setup.refuse(body, Change::Division, error)?;
         let mut layers = Vec::new();
         for &face in &self.faces {
             let layer = setup.layer(body, &keys::DISPLACEMENT, face, LayerRole::Prescribed);
@@ -217,8 +214,7 @@ impl RunningCoupler for RunningTraction {
                     let stress = factor * load;
                     world.set_traction_layer(*layer, stress.into());
                 }
-                let cells = with_material(world, self.body, &self.cells);
-                cells.map(on_cell).sum()
+                whole_force(world, self.body, &self.cells, on_cell)
             }
         };
         Ok(())

@@ -190,7 +190,7 @@ impl RunningCoupler for RunningUndex {
         }
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(self.cavitation_start)
     }
 

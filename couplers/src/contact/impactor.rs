@@ -135,7 +135,7 @@ impl RunningCoupler for RunningImpactor {
         Ok(())
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(self.ball)
     }
 

@@ -449,7 +449,7 @@ impl RunningCoupler for RunningContact {
         Some(2.0 / self.points.iter().map(square).fold(0.0, f64::max).sqrt())
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         let touching = self.springs.iter().any(|s| !s.is_empty());
         Box::new(touching.then_some(&self.springs))
     }

@@ -402,7 +402,7 @@ impl RunningCoupler for RunningSource {
         reports
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(Saved {
             account: self.account,
             clock: Some(self.path.save()),

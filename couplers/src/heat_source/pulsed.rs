@@ -114,7 +114,7 @@ impl RunningCoupler for RunningPulsedLaserSource {
         self.account.report()
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(self.account)
     }
 
@@ -200,7 +200,7 @@ mod tests {
             let step = Step::new(until - 0.5, 0.5);
             laser.apply(&world, step).expect("applies");
             assert_eq!(laser.step_limits(until).longest, limit, "{until}");
-            let saved = serde_json::to_string(&laser.save()).expect("serialises");
+            let saved = serde_json::to_string(&laser.save(&world)).expect("serialises");
             let mut json = serde_json::Deserializer::from_str(&saved);
             let mut resumed = ready(&mut World::new(vec![block([30, 1, 1], 1, STEEL)]));
             let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);

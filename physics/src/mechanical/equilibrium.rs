@@ -336,8 +336,7 @@ fn rounding(residual: &mut Residual<'_>, eigenstrain: f64, displacement: &[f64])
     let (solid, points) = (&mut *residual.solid, &residual.points);
     let diagonal: Vec<f64> = solid.blocks().iter().map(|b| b[0] + b[1] + b[2]).collect();
     let horizon = points.max(solid.base().largest_horizon());
-    let extension =
-        points.max(eigenstrain) * horizon + points.max(max_abs(points.own(displacement)));
+    let extension = eigenstrain * horizon + points.max(max_abs(points.own(displacement)));
     RELATIVE * points.norm(&diagonal) * extension
 }
 

@@ -7,17 +7,21 @@
 //! Sums run over unbroken bonds, so H stays exact beside cracks. A point whose bonds are too few for that is
 //! *loose*: its `K^-1` and its H are zero. In a body that grows, a point without material is loose, and so is one whose
 //! neighbours were not deposited yet.
+//!
+//! Sums exist at the points that a process owns. What follows from them, `K^-1`, H and what prescribed strains do to it, is brought to those of other
+//! processes, so that stresses and states of laws are evaluated there as at owned points.
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::Continuation;
 use perimelt_core::parallel::ParallelLoop;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Family};
 use rayon::prelude::*;
 
 use super::base::Bonds;
 use super::elastic::ElasticPoints;
 use super::smoothing::Smoothing;
-use super::stress_free::{Prescribed, StressFreeDisplacement};
+use super::stress_free::{Prescribed, ShapedFamilies, StressFreeDisplacement};
 
 /// `sum_j w (u_j - u_i) (x) xi` by rows, m.
 struct Moment<const D: usize>;
@@ -80,6 +84,10 @@ fn inverse_of_born(family: &Family, point: usize, dimension: usize) -> Matrix3<f
 #[derive(Debug)]
 pub(super) struct Gradient {
     dimension: usize,
+    /// The points of the body, which processes may share.
+    points: Reducer,
+    /// Whether points of other processes have their shape tensors.
+    knows_remote: bool,
     /// `K^-1`, 1/m; zero in the components that the dimension leaves out, and of loose points. Empty for cells of which none
     /// is loose.
     pub(super) inverse_shape: Vec<Matrix3<f64>>,
@@ -97,11 +105,11 @@ pub(super) struct Gradient {
 }
 
 impl Gradient {
-    /// Inverts the shape tensors.
+    /// Inverts the shape tensors. Those of points of other processes are zero until the first evaluation.
     ///
     /// # Errors
     /// A point whose bonds do not span the dimensions, unless the family grows.
-    pub(super) fn new(body: &Body, family: &Family) -> Result<Self, FlatFamily> {
+    pub(super) fn new(body: &Body, family: &Family, shared: Reducer) -> Result<Self, FlatFamily> {
         let (points, dimension) = (body.points.len(), body.dimension);
         let invert = |point: usize| {
             if family.grows() {
@@ -113,10 +121,13 @@ impl Gradient {
                 at: body.points.position[point].into(),
             })
         };
-        let inverse_shape = (0..points).into_par_iter().map(invert);
-        let inverse_shape = inverse_shape.collect::<Result<Vec<_>, _>>()?;
+        let inverse_shape = (0..family.points()).into_par_iter().map(invert);
+        let mut inverse_shape = inverse_shape.collect::<Result<Vec<_>, _>>()?;
+        inverse_shape.resize(points, Matrix3::zeros());
         Ok(Gradient {
             dimension,
+            points: shared,
+            knows_remote: false,
             inverse_shape,
             values: vec![Matrix3::zeros(); points],
             sums: vec![0.0; points * if dimension == 3 { 9 } else { 4 }],
@@ -139,6 +150,8 @@ impl Gradient {
     pub(super) fn of_cells(points: usize, dimension: usize) -> Self {
         Gradient {
             dimension,
+            points: Reducer::alone(points),
+            knows_remote: false,
             inverse_shape: Vec::new(),
             values: vec![Matrix3::zeros(); points],
             sums: Vec::new(),
@@ -193,28 +206,32 @@ impl Gradient {
         self.is_stress_free_current = false;
     }
 
-    /// Evaluates what prescribed strains do to H, if they or bonds changed; whether they did.
+    /// Evaluates what prescribed strains do to H, if they or bonds changed in any process; whether they did.
     pub(super) fn follow_strains(
         &mut self,
         bonds: Bonds<'_>,
         continuation: &Continuation,
         elastic: &ElasticPoints,
     ) -> bool {
-        if self.is_stress_free_current {
+        if !self.points.any(!self.is_stress_free_current) {
             return false;
         }
         self.is_stress_free_current = true;
-        let inverse = &self.inverse_shape;
+        let (inverse, points) = (&self.inverse_shape, &self.points);
         if let Some(smoothing) = &mut self.smoothing {
-            smoothing.evaluate(bonds, elastic);
+            smoothing.evaluate(bonds, elastic, points);
         }
         let tensor = elastic.prescribed_tensor();
         let strains = match &tensor {
             Some(tensor) => Prescribed::Tensor(tensor),
             None => Prescribed::Isotropic(&elastic.eigenstrain),
         };
-        self.stress_free
-            .evaluate(bonds, continuation, inverse, strains);
+        let families = ShapedFamilies {
+            bonds,
+            inverse_shape: inverse,
+            points,
+        };
+        self.stress_free.evaluate(families, continuation, strains);
         true
     }
 
@@ -235,13 +252,25 @@ impl Gradient {
         shape.is_some_and(|inverse| inverse[(0, 0)] == 0.0)
     }
 
-    /// Inverts the shape tensors of points whose bonds broke; whether there were any.
+    /// Inverts the shape tensors of points whose bonds broke; whether there were any in any process, or points of other processes got their first
+    /// shape tensors.
     pub(super) fn update_shapes(&mut self, family: &Family, broken: Option<&BrokenBonds>) -> bool {
-        let Some(broken) = broken else {
-            return false;
-        };
+        let is_shared = self.points.processes().size() > 1;
+        let is_first = is_shared && !std::mem::replace(&mut self.knows_remote, true);
+        let own = broken.is_some_and(|broken| self.follow_breaks(family, broken));
+        let changed = is_first || broken.is_some() && self.points.any(own);
+        if changed {
+            (self.points).bring(bytemuck::cast_slice_mut(&mut self.inverse_shape));
+            self.forget_families();
+        }
+        changed
+    }
+
+    /// Inverts the shape tensors of owned points whose bonds broke; whether there were any.
+    fn follow_breaks(&mut self, family: &Family, broken: &BrokenBonds) -> bool {
         let dimension = self.dimension;
-        let points = self.inverse_shape.par_iter_mut().zip(&mut self.lost);
+        let own = &mut self.inverse_shape[..family.points()];
+        let points = own.par_iter_mut().zip(&mut self.lost);
         let points = points.enumerate().with_min_len(1024);
         let update = |(point, (inverse, lost)): (usize, (&mut Matrix3<f64>, &mut u32))| {
             let now = broken.of(point) as u32;
@@ -254,11 +283,7 @@ impl Gradient {
             *inverse = inverse_of(left, least, dimension).unwrap_or_default();
             true
         };
-        let changed = points.map(update).reduce(|| false, |any, one| any | one);
-        if changed {
-            self.forget_families();
-        }
-        changed
+        points.map(update).reduce(|| false, |any, one| any | one)
     }
 
     /// Makes the next update invert all shape tensors: other bonds may be broken than before.
@@ -302,6 +327,7 @@ impl Gradient {
             };
             *value = Matrix3::from_fn(entry) * inverse;
         });
+        (self.points).bring(bytemuck::cast_slice_mut(&mut self.values));
     }
 }
 

@@ -390,7 +390,9 @@ impl MechanicalRun {
     pub(super) fn load_stress_free(&mut self, world: &World) {
         let strains = self.set_stress_free(world);
         if !strains.is_empty() {
-            self.eigenstrain_size += max_abs(strains.as_flattened());
+            let points = world.reducer(self.body);
+            let largest = max_abs(points.own(strains.as_flattened()));
+            self.eigenstrain_size += points.max(largest);
             self.note_stress_free(world, &strains);
         }
     }

@@ -107,6 +107,8 @@ mod tests;
 mod validity;
 mod variables;
 
+use std::borrow::Cow;
+
 use perimelt_core::keys as core_keys;
 use perimelt_core::plugin::check_length;
 use perimelt_core::world::{FamilyReach, LoadedFaces};
@@ -117,6 +119,7 @@ use perimelt_core::{
 
 use fracture::SavedFracture;
 pub use keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
+use nodes::CornerMotion;
 use section::Section;
 use serde::{Deserialize, Serialize};
 use solid::FailureMode;
@@ -183,6 +186,8 @@ struct RunningMechanical {
 #[derive(Deserialize)]
 struct SavedMechanical {
     state: MechanicalState,
+    corners: [Vec<[f64; 3]>; 4],
+    seen_compliance: Vec<f64>,
     broken: Option<SavedFracture>,
     relieved: Vec<[[f64; 3]; 4]>,
 }
@@ -191,8 +196,11 @@ struct SavedMechanical {
 #[derive(Serialize)]
 struct SavedMechanicalRef<'a> {
     state: &'a MechanicalState,
+    /// Displacement, velocity, force and loads of the corners.
+    corners: [Cow<'a, [[f64; 3]]>; 4],
+    seen_compliance: Cow<'a, [f64]>,
     broken: Option<SavedFracture>,
-    relieved: &'a [[[f64; 3]; 4]],
+    relieved: Cow<'a, [[[f64; 3]; 4]]>,
 }
 
 impl RunningPhysics for RunningMechanical {
@@ -323,13 +331,23 @@ impl RunningPhysics for RunningMechanical {
         let run = &self.run;
         let whole = |rows| world.rows_of_whole(run.body, rows);
         let owned = world.reducer(run.body).owned();
+        let nodes = run.node_reducer(world);
+        let motion = &run.state.corners;
+        let corners = [
+            &motion.displacement,
+            &motion.velocity,
+            &motion.force,
+            &motion.loads,
+        ];
         Box::new(SavedMechanicalRef {
             state: &run.state,
+            corners: corners.map(|values| nodes.whole_of(values.as_chunks().0)),
+            seen_compliance: world.whole_of(run.body, &run.state.seen_compliance),
             broken: run
                 .solid
                 .fracture_state()
                 .map(|state| state.saved(owned, whole)),
-            relieved: &run.solid.base().relieved.modes,
+            relieved: world.whole_of(run.body, &run.solid.base().relieved.modes),
         })
     }
 
@@ -340,22 +358,28 @@ impl RunningPhysics for RunningMechanical {
     ) -> Result<(), erased_serde::Error> {
         let run = &mut self.run;
         let SavedMechanical {
-            state,
+            mut state,
+            corners,
+            seen_compliance,
             broken,
             relieved,
         } = erased_serde::deserialize(state)?;
-        let corners = match run.nodes().corners() {
-            Some(_) => run.work.len(),
-            None => 0,
+        let nodes = run.node_reducer(world);
+        let [count] = nodes.sum_points(|_| [1.0]);
+        let number = |has: bool| if has { count as usize } else { 0 };
+        let has_corners = run.nodes().corners().is_some();
+        let moves = has_corners && run.fields.velocity.is_some();
+        for (values, has) in corners.iter().zip([has_corners, moves, moves, moves]) {
+            check_length("motion of corners", values.len(), number(has))?;
+        }
+        let [displacement, velocity, force, loads] =
+            corners.map(|values| nodes.part_of(values).into_flattened());
+        state.corners = CornerMotion {
+            displacement,
+            velocity,
+            force,
+            loads,
         };
-        let saved = &state.corners;
-        check_length("corners", saved.displacement.len(), corners)?;
-        let velocities = if run.fields.velocity.is_some() {
-            corners
-        } else {
-            0
-        };
-        check_length("velocities of corners", saved.velocity.len(), velocities)?;
         let broken = match (run.solid.fracture_state(), broken) {
             (Some(own), Some(saved)) => {
                 let restored = own.restored(saved, |rows| world.rows_of_part(run.body, rows));
@@ -364,7 +388,18 @@ impl RunningPhysics for RunningMechanical {
             }
             _ => None,
         };
+        if !seen_compliance.is_empty() {
+            let points = world.points_of_whole(run.body);
+            check_length("compliances", seen_compliance.len(), points)?;
+        }
+        if !relieved.is_empty() {
+            let points = world.points_of_whole(run.body);
+            check_length("relieved modes", relieved.len(), points)?;
+        }
+        let points = world.reducer(run.body);
+        let relieved = points.part_of(relieved);
         run.state = state;
+        run.state.seen_compliance = points.part_of(seen_compliance);
         run.scratch.note_load();
         run.restore_presence();
         run.solid.base_mut().relieved = base::RelievedModes::saved(relieved);

@@ -31,8 +31,12 @@ impl MechanicalRun {
             self.with_motion(world, |verlet, mut motion, mut dynamics| {
                 verlet.find_force(step.start, &mut motion, &mut dynamics)
             })?;
-            if let Some(force) = self.fields.force {
-                world.bring_remote(force);
+            match self.fields.force {
+                Some(force) => world.bring_remote(force),
+                None => {
+                    let nodes = self.node_reducer(world);
+                    nodes.bring(&mut self.state.corners.force);
+                }
             }
         }
         self.with_motion(world, |verlet, motion, dynamics| {

@@ -8,14 +8,12 @@ use std::borrow::Cow;
 use std::cell::Ref;
 use std::sync::Arc;
 
+use super::staggered::Corners;
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::Body;
 use perimelt_core::family::LayerRule;
 use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-
-use super::staggered::Corners;
 
 /// The nodes of a solid.
 #[derive(Clone, Debug, Default)]
@@ -28,7 +26,7 @@ pub enum Nodes {
 }
 
 /// Motion of the corners of cells by component, where these are the nodes; else empty.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct CornerMotion {
     /// m.
     pub(super) displacement: Vec<f64>,

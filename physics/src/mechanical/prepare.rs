@@ -11,7 +11,7 @@ use perimelt_core::{
 
 use super::energy::Energy;
 use super::equilibrium::Statics;
-use super::fields::{Features, Fields, LawState, has_tensor_eigenstrain};
+use super::fields::{Features, Fields, LawState};
 use super::fracture::{Criterion, Fracture};
 use super::growth;
 use super::keys::{Formulation, Kinematics, Mechanical};
@@ -20,6 +20,7 @@ use super::law::{ChosenLaw, Parts};
 use super::moduli::Elasticity;
 use super::momentum::Balanced;
 use super::plasticity::{ChosenFlow, Plasticity};
+use super::section::Section;
 use super::solid::{Constitution, PointStates, Solid};
 use super::staggered;
 use super::step::{MechanicalRun, MechanicalState};
@@ -40,17 +41,16 @@ pub(super) fn run(
     let keys = &*keys;
     let body = setup.find_body(keys.body.as_deref())?;
     law.check_plies(setup.body(body))?;
-    check_formulation(keys, setup, body, flow.is_some())?;
+    check_formulation(keys, setup, body)?;
     let layers = setup.layers(body, &keys::DISPLACEMENT);
     let family = family(keys, setup, body, layers.faces())?;
+    check_held_layers(keys, setup, body, &layers.rules)?;
     let bent = traction_layer(keys, layers.rules)?;
     law.check(setup, body, flow.as_ref(), bent.as_ref())?;
     if let Some(rule) = bent {
         growth::check_layer(setup, body, rule.face)?;
     }
-    for section in &keys.sections {
-        section.check(setup, body)?;
-    }
+    Section::check_all(&keys.sections, setup, body)?;
     let extrapolation = extrapolation(keys, setup.body(body), &family)?;
     let elasticity = elasticity(keys, &law, setup, body)?;
     let constitution = constitution(keys, flow, setup, body, (&family, elasticity))?;
@@ -76,6 +76,10 @@ pub(super) fn run(
     };
     let mut solid = law.law.solid(parts)?;
     load_present(&mut *solid, setup.world(), body);
+    if let Some(corners) = solid.base().nodes.corners() {
+        let known = corners.known_points().iter().enumerate();
+        setup.read_points(body, known.filter(|(_, known)| **known).map(|(p, _)| p));
+    }
     let statics = Statics::new(&keys.solver, solid.base().tangent());
     let density = setup.world().density_at_points(body)?;
     let node_density = solid.base().nodes.densities(&density, &[]);
@@ -118,46 +122,17 @@ fn check_formulation(
     keys: &Mechanical,
     setup: &mut Setup<'_>,
     body: BodyIndex,
-    flows: bool,
 ) -> Result<(), SetupError> {
     if keys.formulation() == Formulation::Staggered {
         staggered::check(keys)?;
     }
     growth::check(keys, setup, body)?;
-    let has_tensor = has_tensor_eigenstrain(setup, body);
-    let formulation = keys.formulation();
-    let is_of_bonds = matches!(formulation, Formulation::Bond | Formulation::Ordinary);
-    let mut refuse = |is_wrong: bool, key: &str, message: &str, expected: &str| match is_wrong {
-        false => Ok(()),
-        true => {
-            let error = SetupError::value(key, message, expected);
-            setup.refuse(body, Change::Division, error)
-        }
-    };
-    refuse(
-        !is_of_bonds,
-        "formulation",
-        "several processes share solids with forces along bonds only",
-        "\"bond\" or \"ordinary\", or one process",
-    )?;
-    refuse(
-        flows,
-        "",
-        "several processes do not share plastic flow",
-        "no `flow`, or one process",
-    )?;
-    refuse(
-        has_tensor,
-        "",
-        "several processes share an eigenstrain that is the same in all directions only",
-        "materials that expand alike along all axes, or one process",
-    )?;
-    refuse(
-        keys.surface_stress == SurfaceStress::Extrapolated,
-        "surface_stress",
-        "several processes do not extrapolate stress",
-        "\"direct\", or one process",
-    )
+    if keys.surface_stress != SurfaceStress::Extrapolated {
+        return Ok(());
+    }
+    let message = "several processes do not extrapolate stress";
+    let error = SetupError::value("surface_stress", message, "\"direct\", or one process");
+    setup.refuse(body, Change::Division, error)
 }
 
 /// Declares the fields of a body with the law of its points and its modes of failure.
@@ -193,6 +168,31 @@ fn elasticity(
         keys.plane,
         keys.formulation() == Formulation::Bond,
     )
+}
+
+/// Refuses layers that hold a body in motion which processes share: the forces on them belong to the points that they follow.
+fn check_held_layers(
+    keys: &Mechanical,
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+    rules: &[LayerRule],
+) -> Result<(), SetupError> {
+    let dimension = setup.body(body).dimension;
+    let held = (rules.iter()).find(|rule| !rule.is_symmetric(dimension) && rule.traction.is_none());
+    let (Some(rule), Some(_)) = (held, keys.solver.damping()) else {
+        return Ok(());
+    };
+    // the corners of a staggered solid lie on the faces
+    if keys.formulation() == Formulation::Staggered {
+        return Ok(());
+    }
+    let message = format!(
+        "forces on the layer behind face `{}`, which is held, belong to points of several processes",
+        rule.face.name()
+    );
+    let expected = "`region` in place of `face` in `prescribed_displacement`, a solver of equilibrium, or one process";
+    let error = SetupError::value("solver", message, expected);
+    setup.refuse(body, Change::Division, error)
 }
 
 /// The rule of the layer by which a traction acts, if there is one.

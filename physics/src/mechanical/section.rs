@@ -25,9 +25,28 @@ pub struct Section {
 }
 
 impl Section {
+    /// Checks all sections of a body.
+    ///
+    /// # Errors
+    /// Those of [`Section::check`], two sections of one name.
+    pub(super) fn check_all(
+        sections: &[Section],
+        setup: &Setup<'_>,
+        body: usize,
+    ) -> Result<(), SetupError> {
+        for (number, section) in sections.iter().enumerate() {
+            section.check(setup, body)?;
+            if sections[..number].iter().any(|s| s.name == section.name) {
+                let message = format!("two sections are called `{}`", section.name);
+                return Err(SetupError::value("sections", message, "different names"));
+            }
+        }
+        Ok(())
+    }
+
     /// # Errors
     /// The plane misses the body, or there is no such region.
-    pub(super) fn check(&self, setup: &Setup<'_>, body: usize) -> Result<(), SetupError> {
+    fn check(&self, setup: &Setup<'_>, body: usize) -> Result<(), SetupError> {
         if let Some(region) = &self.region {
             setup.region(body, "sections", region)?;
         }
@@ -55,11 +74,12 @@ impl Section {
             axis: self.axis as usize,
             at: self.at,
         };
-        run.solid.force_across(plane, &mut |point, force| {
-            let part = if counts[point] { volume[point] } else { 0.0 };
-            (0..3).for_each(|a| total[a].add(force[a] * part));
-        });
         let points = world.reducer(run.body);
+        run.solid.force_across(plane, &mut |point, force| {
+            if counts[point] && point < points.owned() {
+                (0..3).for_each(|a| total[a].add(force[a] * volume[point]));
+            }
+        });
         total.map(|sum| points.total(sum))
     }
 

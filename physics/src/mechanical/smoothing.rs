@@ -13,6 +13,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::Mirrored;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Bond, BondKernel, BrokenBonds, Family, SlotField};
 use rayon::prelude::*;
 
@@ -71,14 +72,14 @@ impl Smoothing {
     }
 
     /// Evaluates s of the strains that are prescribed at the points.
-    pub(super) fn evaluate(&mut self, bonds: Bonds<'_>, elastic: &ElasticPoints) {
+    pub(super) fn evaluate(&mut self, bonds: Bonds<'_>, elastic: &ElasticPoints, shared: &Reducer) {
         let isotropic = |point: usize| elastic.eigenstrain[point] / elastic.moduli(point).swelling;
         let points = 1..elastic.eigenstrain.len();
         let has_same = |point: usize| isotropic(point) == isotropic(0);
-        let is_uniform = points.into_par_iter().all(has_same);
+        let is_uniform = !shared.any(!points.into_par_iter().all(has_same));
         let prescribed = &elastic.prescribed;
         self.strain.clear();
-        if is_uniform && prescribed.windows(2).all(|s| s[0] == s[1]) {
+        if is_uniform && !shared.any(prescribed.windows(2).any(|s| s[0] != s[1])) {
             return;
         }
         let Bonds { family, broken } = bonds;
@@ -89,7 +90,7 @@ impl Smoothing {
             let of = |point| measure(family, point, broken, material);
             self.families = points.map(of).collect();
         }
-        self.strain.resize(family.points(), [0.0; 6]);
+        self.strain.resize(elastic.eigenstrain.len(), [0.0; 6]);
         let mut add = |component: usize, means: &[f64]| {
             let strains = self.strain.iter_mut().zip(means);
             strains.for_each(|(strain, mean)| strain[component] += mean);
@@ -109,6 +110,7 @@ impl Smoothing {
                 add(component, &mean.of(value, Mirrored::Tensor(row, column)));
             }
         }
+        shared.bring(self.strain.as_flattened_mut());
     }
 }
 

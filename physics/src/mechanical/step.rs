@@ -64,6 +64,8 @@ pub(super) struct MechanicalRun {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct MechanicalState {
     pub(super) verlet: Verlet,
+    /// Saved beside the rest.
+    #[serde(skip)]
     pub(super) corners: CornerMotion,
     /// Whether there is a body force in the force of the last step.
     pub(super) has_loads_in_force: bool,
@@ -74,7 +76,8 @@ pub(super) struct MechanicalState {
     /// What the surroundings gave since the start.
     pub(super) given: Momentum,
     pub(super) watch: EnergyWatch,
-    /// Compliance of transformation plasticity that the plastic strain contains, 1/Pa; empty without.
+    /// Compliance of transformation plasticity that the plastic strain contains, 1/Pa, by point; empty without. Saved beside the rest.
+    #[serde(skip)]
     pub(super) seen_compliance: Vec<f64>,
     /// Points that have material in the family, of a body that grows; else empty.
     pub(super) present: Vec<bool>,
@@ -129,6 +132,7 @@ impl MechanicalRun {
         });
         let points = world.reducer(self.body);
         let of_eigenstrain = eigenstrain.map_or(0.0, |strain| max_abs(points.own(&strain)));
+        let of_eigenstrain = points.max(of_eigenstrain);
         self.eigenstrain_size = of_eigenstrain;
         self.load_stress_free(world);
         self.note_loads(world);
@@ -156,7 +160,7 @@ impl MechanicalRun {
     pub(super) fn node_reducer(&self, world: &World) -> Reducer {
         match self.nodes().corners() {
             None => world.reducer(self.body),
-            Some(corners) => Reducer::alone(corners.volume.len()),
+            Some(corners) => corners.reducer().clone(),
         }
     }
 
@@ -230,16 +234,23 @@ impl MechanicalRun {
         }
     }
 
-    /// Sets the motion of the points to the mean of that of their corners, where these are the nodes.
-    pub(super) fn write_means(&self, world: &World) {
-        let Some(corners) = self.nodes().corners() else {
+    /// Brings the motion of corners that other processes own, and sets that of the points to the mean of that of their corners, where these are the
+    /// nodes.
+    pub(super) fn write_means(&mut self, world: &World) {
+        let Nodes::Corners(corners) = self.nodes().clone() else {
             return;
         };
         let CornerMotion {
             displacement,
             velocity,
+            force,
             ..
-        } = &self.state.corners;
+        } = &mut self.state.corners;
+        for values in [&mut *displacement, velocity, force] {
+            if !values.is_empty() {
+                corners.reducer().bring(values);
+            }
+        }
         corners.mean(displacement, &mut world.write(self.fields.displacement));
         if let Some(field) = self.fields.velocity {
             corners.mean(velocity, &mut world.write(field));
@@ -305,9 +316,10 @@ impl MechanicalRun {
             equivalent,
         });
         plasticity.states.load(settled);
-        let settled = plasticity.states.settled().iter();
+        let points = world.reducer(self.body);
+        let settled = plasticity.states.settled()[..points.owned()].iter();
         let strains = settled.map(|s| max_abs(&s.strain));
-        self.eigenstrain_size += strains.fold(0.0, f64::max);
+        self.eigenstrain_size += points.max(strains.fold(0.0, f64::max));
     }
 
     /// Takes the state of a law of points from the fields, for a step.

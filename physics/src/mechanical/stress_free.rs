@@ -19,6 +19,7 @@
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::{ByImage, Continuation, Mirrored};
 use perimelt_core::parallel::ParallelLoop;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Bond, BondKernel, BrokenBonds, Family, Image, SlotField};
 use rayon::prelude::*;
 
@@ -33,6 +34,16 @@ const COMPONENT_AT: [[usize; 3]; 3] = [[0, 3, 5], [3, 1, 4], [5, 4, 2]];
 
 /// Families are symmetric when their third moment over that of lengths is below this.
 const SYMMETRIC: f64 = 1e-10;
+
+/// The families of the points of a body.
+#[derive(Clone, Copy)]
+pub(super) struct ShapedFamilies<'a> {
+    pub(super) bonds: Bonds<'a>,
+    /// `K^-1` of each point, 1/m.
+    pub(super) inverse_shape: &'a [Matrix3<f64>],
+    /// The points of the body, which processes may share.
+    pub(super) points: &'a Reducer,
+}
 
 /// In-plane strains that are prescribed at the points of a body.
 #[derive(Clone, Copy)]
@@ -204,20 +215,23 @@ impl StressFreeDisplacement {
         self.has_one_sided = false;
     }
 
-    /// Evaluates D of a strain, from `K^-1` of the points.
+    /// Evaluates D of a strain.
     pub(super) fn evaluate(
         &mut self,
-        bonds: Bonds<'_>,
+        families: ShapedFamilies<'_>,
         continuation: &Continuation,
-        inverse_shape: &[Matrix3<f64>],
         strain: Prescribed<'_>,
     ) {
-        let Bonds { family, broken } = bonds;
-        let uniform = match strain {
-            Prescribed::Isotropic(strain) => strain.windows(2).all(|s| s[0] == s[1]),
-            Prescribed::Tensor(strain) => strain.windows(2).all(|s| s[0] == s[1]),
+        let ShapedFamilies {
+            bonds: Bonds { family, broken },
+            inverse_shape,
+            points: shared,
+        } = families;
+        let varies = match strain {
+            Prescribed::Isotropic(strain) => strain.windows(2).any(|s| s[0] != s[1]),
+            Prescribed::Tensor(strain) => strain.windows(2).any(|s| s[0] != s[1]),
         };
-        if uniform {
+        if !shared.any(varies) {
             self.gradient.clear();
             self.correction.clear();
             return;
@@ -228,9 +242,10 @@ impl StressFreeDisplacement {
             self.one_sided = points.filter_map(of).collect();
             self.has_one_sided = true;
         }
-        self.load_gradient(bonds, continuation, inverse_shape, strain);
+        self.load_gradient(families, continuation, strain);
         self.correction.clear();
-        self.correction.resize(family.points(), Matrix3::zeros());
+        self.correction
+            .resize(inverse_shape.len(), Matrix3::zeros());
         let is_tensor = matches!(strain, Prescribed::Tensor(_));
         let gradient = &self.gradient;
         let of = |(point, moment): &(u32, ThirdMoment)| {
@@ -252,23 +267,27 @@ impl StressFreeDisplacement {
         for (point, correction) in corrections {
             self.correction[point] = correction;
         }
+        shared.bring(bytemuck::cast_slice_mut(&mut self.correction));
     }
 
     /// Evaluates the gradient of the strain by slot.
     fn load_gradient(
         &mut self,
-        bonds: Bonds<'_>,
+        families: ShapedFamilies<'_>,
         continuation: &Continuation,
-        inverse_shape: &[Matrix3<f64>],
         strain: Prescribed<'_>,
     ) {
-        let Bonds { family, broken } = bonds;
+        let ShapedFamilies {
+            bonds: Bonds { family, broken },
+            inverse_shape,
+            points: shared,
+        } = families;
         let components = match strain {
             Prescribed::Isotropic(_) => 1,
             Prescribed::Tensor(_) => COMPONENTS.len(),
         };
         self.gradient.resize(3 * components, SlotField::default());
-        let mut sums = vec![[0.0; 3]; family.points()];
+        let mut sums = vec![[0.0; 3]; inverse_shape.len()];
         let mut values = SlotField::default();
         for (component, gradient) in self.gradient.chunks_mut(3).enumerate() {
             let (row, column) = COMPONENTS[component];
@@ -282,6 +301,7 @@ impl StressFreeDisplacement {
             family.sum_unbroken(&ScalarMoment, [&values[..]], broken, &mut sums);
             let points = sums.par_iter_mut().zip(inverse_shape).with_min_len(4096);
             points.for_all(|(sum, inverse)| *sum = (inverse * Vector3::from(*sum)).into());
+            shared.bring(sums.as_flattened_mut());
             let sums = &sums;
             let along = |axis: usize| move |point: usize| sums[point][axis];
             let of_image = |image: &Image| {

@@ -34,7 +34,6 @@ pub mod transformation;
 
 use perimelt_core::material::{Table, ValueRange};
 use perimelt_core::parallel::ParallelLoop;
-use perimelt_core::plugin::load_points;
 use perimelt_core::{
     Key, LoadError, Physics, PhysicsReport, Prepared, Read, Report, RunError, RunningPhysics,
     SavedState, Setup, SetupError, Step, Work, World, Write, keys, register_property,
@@ -190,6 +189,8 @@ struct RunningMetallurgy {
     /// Laws by material.
     steels: Vec<Steel>,
     points: Vec<Microstructure>,
+    /// In the last observed state.
+    largest_share: f64,
 }
 
 impl CurveSection {
@@ -372,6 +373,7 @@ impl Metallurgy {
             compliance: setup.own(body, &keys::TRANSFORMATION_COMPLIANCE)?,
             steels,
             points,
+            largest_share: 0.0,
         })
     }
 }
@@ -413,21 +415,23 @@ impl RunningPhysics for RunningMetallurgy {
                 .hardness(point)
                 .unwrap_or(0.0);
         }
+        let points = world.reducer(self.body);
+        let own = self.points[..points.owned()].iter();
+        self.largest_share = points.max(own.map(|p| p.fractions[0]).fold(0.0, f64::max));
         Ok(())
     }
 
     fn report(&self, _world: &World) -> PhysicsReport {
-        let points = self.points.iter();
-        let hottest = points.map(|p| p.fractions[0]).fold(0.0, f64::max);
-        vec![Report::new("largest share of austenite", "1", hottest)].into()
+        let share = Report::new("largest share of austenite", "1", self.largest_share);
+        vec![share].into()
     }
 
-    fn save(&self, _: &World) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(&self.points)
+    fn save(&self, world: &World) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(world.whole_of(self.body, &self.points))
     }
 
-    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
-        self.points = load_points(state, self.points.len())?;
+    fn load(&mut self, world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
+        self.points = world.load_points(self.body, state)?;
         Ok(())
     }
 }
@@ -436,7 +440,7 @@ perimelt_core::register_physics!(
     "metallurgy",
     Metallurgy,
     // a point without material keeps its temperature, at which nothing transforms
-    supports: [Motion, Births, Cuts]
+    supports: [Motion, Births, Cuts, Division]
 );
 
 /// `g(z) = z (2 - z)` of the fraction z that is not austenite.

@@ -80,7 +80,7 @@ pub fn steady(is_insulated: bool) -> String {
 pub const BRACKET: &str = r#"
 [bodies.bracket]
 shape.difference = { from = { box = { min = [0, 0, 0], max = [0.024, 0.018, 0.0075] } }, subtract = { cylinder = { start = [0.017, 0.012, -1], end = [0.017, 0.012, 1], radius = 3e-3 } } }
-spacing = 7.5e-4
+spacing = 1e-3
 material = "steel"
 materials = { end = "tin" }
 regions.end.box = { min = [0.018, 0, 0], max = [1, 1, 1] }
@@ -150,8 +150,26 @@ interval = 2e-6
 
 /// A bracket that is ordinary state-based.
 pub fn ordinary(text: &str) -> String {
-    let text = text.replace("kinematics", "formulation = \"ordinary\"\nkinematics");
-    text.replace("poissons_ratio = 0.25", "poissons_ratio = 0.3")
+    formulated(text, "ordinary").replace("poissons_ratio = 0.25", "poissons_ratio = 0.3")
+}
+
+/// A bracket in another formulation.
+pub fn formulated(text: &str, formulation: &str) -> String {
+    let key = format!("formulation = \"{formulation}\"\nkinematics");
+    text.replace("kinematics", &key)
+}
+
+/// A correspondence bracket.
+pub fn correspondence(text: &str) -> String {
+    formulated(text, "correspondence")
+}
+
+/// The bracket in motion, which heats up and cools down where it is compressed and extended.
+pub fn with_heat_of_deformation() -> String {
+    BRACKET.replace(
+        "[time]",
+        "[[couplers]]\ntype = \"deformation_heat\"\n\n[time]",
+    )
 }
 
 /// The bracket, torn apart along `x` and along its diagonals, with an interface through it.
@@ -192,6 +210,115 @@ pub fn still(solver: &str) -> String {
             assert!(text.contains(old), "{old}");
             text.replace(old, new)
         })
+}
+
+/// The bracket in equilibrium, held at a face and under traction by layers.
+pub fn layered(text: &str) -> String {
+    let changes = [
+        (
+            "pressure = \"1e7 * (1 + 50 * y)\"",
+            "traction = [1e7, 4e6, -5e6]\nby = \"layer\"",
+        ),
+        ("region = \"foot\"", "face = \"x-\""),
+    ];
+    changes
+        .iter()
+        .fold(text.into(), |text: String, (old, new)| {
+            assert!(text.contains(old), "{old}");
+            text.replace(old, new)
+        })
+}
+
+/// A hot block of steel with a hole that is quenched: austenite transforms, metal flows and heats up, and its stress follows.
+pub const QUENCH: &str = r#"
+[bodies.block]
+shape.difference = { from = { box = { min = [0, 0, 0], max = [0.024, 0.018, 0.0075] } }, subtract = { cylinder = { start = [0.017, 0.012, -1], end = [0.017, 0.012, 1], radius = 3e-3 } } }
+spacing = 1.5e-3
+material = "steel"
+regions.end.box = { min = [0.018, 0, 0], max = [1, 1, 1] }
+initial.temperature = "1000 - 1e4 * x"
+
+[materials.steel]
+density = 7800
+carbon = 0.2
+manganese = 1.3
+silicon = 0.3
+thermal_expansion = 1.2e-5
+youngs_modulus = { temperature = [300, 1100], value = [2.1e11, 8e10] }
+poissons_ratio = 0.3
+yield_stress = { temperature = [300, 1100], value = [1e8, 2e7] }
+hardening_modulus = 2e9
+specific_heat = 600
+conductivity = 30
+
+[[physics]]
+type = "thermal"
+horizon = 1
+
+[[physics]]
+type = "thermal_history"
+above = 700
+cooling = [900, 600]
+solidification = 850
+
+[[physics]]
+type = "metallurgy"
+initial = { austenite = 1 }
+transformation_plasticity = 1e-10
+
+[[physics]]
+type = "mechanical"
+formulation = "FORMULATION"
+kinematics = "KINEMATICS"
+flow.j2 = {}
+annealing_temperature = 950
+update = "step"
+solver.quasi_static = {}
+
+[[couplers]]
+type = "phase_strength"
+martensite = 1e9
+
+[[couplers]]
+type = "phase_expansion"
+reference_temperature = 900
+reference_austenite = 1
+
+[[couplers]]
+type = "transformation_heat"
+
+[[couplers]]
+type = "plastic_heat"
+
+[[couplers]]
+type = "convection"
+faces = ["x+", "y+", "z+", "z-"]
+coefficient = 2e4
+ambient = 293.15
+
+[[couplers]]
+type = "symmetry"
+face = "y-"
+
+[[couplers]]
+type = "prescribed_displacement"
+face = "x-"
+x = 0
+y = 0
+z = 0
+
+[time]
+step = 0.05
+end = 0.4
+
+[log]
+interval = 0.2
+"#;
+
+/// The quench with a strain that is prescribed in a part of the block and differs by direction.
+pub fn shrunk() -> String {
+    let inherent = "[[couplers]]\ntype = \"inherent_strain\"\nregion = \"end\"\nby_height = { height = [0, 0.004], strain = [[-0.002, -0.001, 0], [0, 0, 0.001]] }\n\n[time]";
+    QUENCH.replace("[time]", inherent)
 }
 
 /// The bracket in equilibrium, which nothing holds and only its temperature deforms.

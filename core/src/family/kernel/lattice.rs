@@ -18,7 +18,7 @@ pub(super) struct LatticeSweep<'a> {
     pub(super) bonds: &'a StencilBonds,
 }
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(all(target_arch = "x86_64", any(test, not(debug_assertions))))]
 #[target_feature(enable = "avx512f,avx512vl")]
 pub(super) fn sweep_avx512<const I: usize, const O: usize>(
     sweep: LatticeSweep<'_>,

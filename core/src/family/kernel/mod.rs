@@ -32,7 +32,7 @@ pub(super) use cloud::{ROW_LANES, RowOwner, Weighing};
 #[cfg(not(target_arch = "x86_64"))]
 use lattice::sweep_lattice;
 #[cfg(target_arch = "x86_64")]
-use lattice::{LatticeSweep, sweep_avx2, sweep_avx512};
+use lattice::{LatticeSweep, sweep_avx2};
 pub(super) use pairs::Pairs;
 use sums::Output;
 
@@ -435,9 +435,10 @@ impl Family {
                         self.sweep_plainly(kernel, inputs, output, chunk, None)
                     }
                     // paired kernels use AVX2: only bodies that are too narrow for pairs are swept here
+                    #[cfg(any(test, not(debug_assertions)))]
                     InstructionSet::Avx512 if const { K::PAIRED == 0 } => {
                         // SAFETY: the instruction set was detected.
-                        unsafe { sweep_avx512(sweep, kernel, inputs, output, chunk) }
+                        unsafe { lattice::sweep_avx512(sweep, kernel, inputs, output, chunk) }
                     }
                     InstructionSet::Avx512 | InstructionSet::Avx2 => {
                         // SAFETY: the instruction set was detected, or one that includes it.

@@ -2,6 +2,7 @@
 
 use crate::body::{Body, Face, Jitter, Store};
 use crate::family::{Bond, BondKernel, BrokenBonds, Family, FamilySpec, Mirrored, SlotField};
+use crate::instructions::{InstructionSet, limited};
 use crate::shape::{BoxShape, Shape};
 
 /// Each end by itself.
@@ -36,8 +37,17 @@ fn block(dimension: usize, length: f64) -> Body {
 fn check<K: BondKernel<1, 1>>(kernel: &K, family: &Family, broken: Option<&BrokenBonds>) {
     let mut slots = SlotField::default();
     slots.load(family, |p: usize| (p as f64).sin(), Mirrored::Scalar);
-    let mut sums = vec![[0.0]; family.points];
-    family.sum_unbroken(kernel, [&slots], broken, &mut sums);
+    let sweep = || {
+        let mut sums = vec![[0.0]; family.points];
+        family.sum_unbroken(kernel, [&slots], broken, &mut sums);
+        sums
+    };
+    let sums = sweep();
+    if !cfg!(miri) {
+        let [plain, avx2, avx512] = InstructionSet::ALL.map(|set| limited::to(set, sweep));
+        assert_eq!(avx2, avx512);
+        assert!(K::PAIRED > 0 || plain == avx2);
+    }
     for (point, [swept]) in sums.iter().enumerate() {
         let own = slots[family.slot_of(point)];
         let mut expected = 0.0;

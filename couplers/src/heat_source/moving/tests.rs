@@ -163,12 +163,12 @@ fn energies_survive_a_save() {
     let source = || ellipsoid("{ start = [5, 10, 8], end = [15, 10, 8], speed = 2 }");
     let (world, mut first) = ready(source());
     apply(&world, &mut *first, 0.0);
-    let saved = serde_json::to_string(&first.save()).expect("serialises");
+    let saved = serde_json::to_string(&first.save(&world)).expect("serialises");
     let (other, mut resumed) = ready(source());
     let mut json = serde_json::Deserializer::from_str(&saved);
     let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);
     resumed.load(&other, &mut erased).expect("reads");
-    let again = serde_json::to_string(&resumed.save()).expect("serialises");
+    let again = serde_json::to_string(&resumed.save(&other)).expect("serialises");
     assert_eq!(again, saved);
     // powers, energies and path
     assert_eq!(resumed.report()[..10], first.report()[..10]);
@@ -325,7 +325,7 @@ fn a_source_that_waits_is_off_and_goes_on_after_a_resume_as_without() {
     assert!(longest(7.5).is_some() && longest(11.9).is_some());
     assert_eq!(longest(12.1), None);
     assert!(path.programme(7.0).is_some_and(|p| p.waits.is_some()));
-    let saved = serde_json::to_string(&source.save()).expect("serialises");
+    let saved = serde_json::to_string(&source.save(&world)).expect("serialises");
     let (mut other, mut resumed) = ready_with_temperature(waiting());
     let mut json = serde_json::Deserializer::from_str(&saved);
     let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);

@@ -96,7 +96,7 @@ impl Correspondence {
             has_symmetric_plastic_tangent: true,
             has_finite_tangent: false,
         };
-        let gradient = Gradient::new(body, &family)?;
+        let gradient = Gradient::new(body, &family, constitution.points.clone())?;
         let gradient = match constitution.plasticity {
             Some(_) => gradient.with_smoothing(body),
             None => gradient,

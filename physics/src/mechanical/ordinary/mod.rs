@@ -63,7 +63,7 @@ impl<L: BondForce> Ordinary<L> {
             tangent: !L::Law::IS_LINEAR,
         };
         let gradient = match needs.inelastic {
-            true => Some(Gradient::new(body, &family)?),
+            true => Some(Gradient::new(body, &family, constitution.points.clone())?),
             false => None,
         };
         let properties = Properties {

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use perimelt_core::body::{Lattice, NO_POINT};
 use perimelt_core::family::LayerRule;
 use perimelt_core::parallel::ParallelLoop;
+use perimelt_core::solver::{Reducer, SharedNodes};
 use perimelt_core::{Body, Face};
 use rayon::prelude::*;
 
@@ -34,12 +35,27 @@ pub struct Corners {
     pub(in crate::mechanical) volume: Vec<f64>,
     /// Corners on the faces of the box.
     on_face: [Vec<u32>; 6],
+    /// The corners, which processes may share.
+    reducer: Reducer,
+    /// What a process knows of points of others; nothing in a run of one.
+    shared: SharedPoints,
+}
+
+/// Points of a body that several processes share, as a staggered solid sees them.
+#[derive(Debug, Default)]
+struct SharedPoints {
+    /// The points in the order of the whole body.
+    in_order: Vec<u32>,
+    /// Whether the corners of a point have their values: of those that share a corner with an owned one, and those behind the faces of these.
+    is_known: Vec<bool>,
 }
 
 impl Corners {
-    /// Numbers the corners of the cells of `body`, x fastest. Points around a corner that are joined by no faces have a corner each:
+    /// Numbers the corners of the cells of `body` in the order of the first points around them. Points around a corner that are joined by no faces have a corner each:
     /// those on both sides of a crack, and those that touch along an edge only. A periodic body has the same corners on opposite faces.
-    pub(super) fn new(body: &Body, lattice: &Lattice) -> Self {
+    ///
+    /// Of processes that share the `points`, the owner of the first point around a corner owns it. Collective.
+    pub(super) fn new(body: &Body, lattice: &Lattice, points: &Reducer) -> Self {
         let dimension = body.dimension;
         let size: [usize; 3] = std::array::from_fn(|a| {
             lattice.cells[a] + usize::from(a < dimension && !body.periodic[a])
@@ -62,6 +78,8 @@ impl Corners {
             position: Vec::new(),
             volume: Vec::new(),
             on_face: Default::default(),
+            reducer: Reducer::default(),
+            shared: SharedPoints::default(),
         };
         for (index, around) in around.iter().enumerate() {
             let at = [
@@ -93,7 +111,79 @@ impl Corners {
             }
         }
         this.volume = vec![body.points.volume[0]; this.position.len()];
+        if points.processes().size() > 1 {
+            this.shared = this.share(body, points);
+        }
+        this.order(points);
         this
+    }
+
+    /// What a process knows of points of others.
+    fn share(&self, body: &Body, points: &Reducer) -> SharedPoints {
+        let owned = points.owned();
+        let mut is_near = vec![false; body.points.len()];
+        for corner in 0..self.points.len() {
+            let around = || self.around(corner, &[]).map(|(_, point)| point);
+            if around().any(|point| point < owned) {
+                around().for_each(|point| is_near[point] = true);
+            }
+        }
+        let mut is_known = is_near.clone();
+        for point in (0..is_near.len()).filter(|point| is_near[*point]) {
+            let behind = Face::ALL.map(|face| body.neighbour(point, face));
+            (behind.into_iter().flatten()).for_each(|other| is_known[other] = true);
+        }
+        let mut in_order: Vec<u32> = (0..body.points.len() as u32).collect();
+        in_order.sort_by_key(|point| points.number(*point as usize));
+        SharedPoints { in_order, is_known }
+    }
+
+    /// Numbers the corners anew, in the order of the first points around them, those first that this process owns.
+    fn order(&mut self, points: &Reducer) {
+        let first = |corner: usize| {
+            let around = self.around(corner, &[]);
+            let first = around.min_by_key(|(_, point)| points.number(*point));
+            first.expect("a corner has a cell")
+        };
+        // the first point, and which of the corners of its cell it is
+        let of_corner: Vec<(usize, usize)> = (0..self.points.len()).map(first).collect();
+        let number = |corner: usize| {
+            let (q, point) = of_corner[corner];
+            points.number(point) * CORNERS as u32 + q as u32
+        };
+        let rank = points.processes().rank();
+        let is_other = |corner: usize| points.owner(of_corner[corner].1) != rank;
+        let mut order: Vec<usize> = (0..self.points.len()).collect();
+        order.sort_by_cached_key(|corner| (is_other(*corner), number(*corner)));
+        let is_known = &self.shared.is_known;
+        let is_needed = |corner: &usize| {
+            let mut around = self.around(*corner, &[]);
+            around.any(|(_, point)| is_known.get(point).is_some_and(|known| *known))
+        };
+        self.reducer = points.of_nodes(SharedNodes {
+            numbers: order.iter().map(|corner| number(*corner)).collect(),
+            point: order.iter().map(|c| of_corner[*c].1 as u32).collect(),
+            is_needed: order.iter().map(is_needed).collect(),
+        });
+        let mut place = vec![0; order.len()];
+        for (new, old) in (0..).zip(&order) {
+            place[*old] = new;
+        }
+        let lists = self.of_point.as_flattened_mut().iter_mut();
+        let lists = lists.chain(self.on_face.iter_mut().flatten());
+        lists.for_each(|corner| *corner = place[*corner as usize]);
+        self.points = order.iter().map(|corner| self.points[*corner]).collect();
+        self.position = order.iter().map(|corner| self.position[*corner]).collect();
+    }
+
+    /// Sums over the corners.
+    pub(in crate::mechanical) fn reducer(&self) -> &Reducer {
+        &self.reducer
+    }
+
+    /// Whether the corners of each point have their values; empty in a run of one process, where all have.
+    pub(in crate::mechanical) fn known_points(&self) -> &[bool] {
+        &self.shared.is_known
     }
 
     /// Number of corners of a cell.
@@ -253,7 +343,8 @@ impl Corners {
                     corners.for_each(|&corner| hold(corner, axis, [1.0, value]));
                 }
             }
-            for point in 0..held.count.len() {
+            for place in 0..held.count.len() {
+                let point = (self.shared.in_order.get(place)).map_or(place, |p| *p as usize);
                 let by = held.count[point][axis];
                 if by > 0.0 && (present.is_empty() || present[point]) {
                     let at = [by, held.sum[point][axis]];

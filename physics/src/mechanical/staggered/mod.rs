@@ -159,7 +159,7 @@ impl<const D: usize> Staggered<D> {
             has_finite_tangent: true,
         };
         let symmetry = constitution.symmetry.clone();
-        let corners = Arc::new(Corners::new(body, lattice));
+        let corners = Arc::new(Corners::new(body, lattice, &constitution.points));
         let (points, nodes) = (body.points.len(), corners.position.len());
         // a body without bonds
         let mut base = SolidBase::new(body, Arc::new(Family::default()), constitution, properties);
@@ -180,11 +180,15 @@ impl<const D: usize> Staggered<D> {
                 false => u32::MAX,
             })
         });
+        let mut gradient = Gradient::of_cells(points, D);
+        if !corners.known_points().is_empty() {
+            gradient.set_present(corners.known_points());
+        }
         let mut this = Staggered {
             cell: Cell::new(lattice.spacing, D),
             springs,
             displacement: vec![[0.0; 3]; nodes],
-            gradient: Gradient::of_cells(points, D),
+            gradient,
             spring: vec![0.0; points],
             corner_spring: vec![0.0; nodes],
             neighbours: neighbours.collect(),

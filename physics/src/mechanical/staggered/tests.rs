@@ -401,6 +401,10 @@ fn faces_and_points_hold_corners() {
     body.materials = vec![material(STEEL)];
     let solid = solid(&body, "");
     let corners = corners(&*solid);
+    let place = |corner: usize| {
+        let cells = corners.position[corner] / SPACING;
+        (cells.x.round() + 4.0 * cells.y.round()) as usize
+    };
     let held = |points: &[usize], rules: &[LayerRule]| {
         let mut count = vec![Vector3::zeros(); body.points.len()];
         let mut sum = count.clone();
@@ -422,9 +426,11 @@ fn faces_and_points_hold_corners() {
         held.place(&mut u, &mut movement);
         assert_eq!(u, movement);
         let at = (0..u.len() / 3).filter(|c| held.count[3 * c] > 0.0);
-        at.map(|c| (c, u[3 * c])).collect::<Vec<_>>()
+        let mut at: Vec<_> = at.map(|c| (place(c), u[3 * c])).collect();
+        at.sort_by_key(|(place, _)| *place);
+        at
     };
-    // corners are numbered in rows of four, points in rows of three
+    // places are numbered in rows of four, points in rows of three
     let rule = LayerRule {
         scale: [-1.0, 1.0, 1.0],
         offset: [0.4, 0.0, 0.0],

@@ -92,15 +92,16 @@ impl<const I: usize, const O: usize> PairSweep<'_, I, O> {
     fn sweep_box<K: BondKernel<I, O>>(&self, kernel: &K, blocks: &BoxBlocks) {
         #[cfg(target_arch = "x86_64")]
         match instructions::used() {
+            InstructionSet::Baseline => unreachable!("bonds are visited once where `can_fuse`"),
+            #[cfg(any(test, not(debug_assertions)))]
             InstructionSet::Avx512 => {
                 // SAFETY: the instruction set was detected.
                 unsafe { sweep_box_avx512(kernel, self, blocks) }
             }
-            InstructionSet::Avx2 => {
-                // SAFETY: the instruction set was detected.
+            _ => {
+                // SAFETY: the instruction set was detected, or one that includes it.
                 unsafe { sweep_box_avx2(kernel, self, blocks) }
             }
-            InstructionSet::Baseline => unreachable!("bonds are visited once where `can_fuse`"),
         }
         #[cfg(not(target_arch = "x86_64"))]
         sweep_box(kernel, self, blocks);
@@ -162,7 +163,7 @@ impl<const I: usize, const O: usize> PairSweep<'_, I, O> {
     }
 }
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(all(target_arch = "x86_64", any(test, not(debug_assertions))))]
 #[target_feature(enable = "avx512f,avx512vl,fma")]
 fn sweep_box_avx512<const I: usize, const O: usize, K: BondKernel<I, O>>(
     kernel: &K,

@@ -6,7 +6,6 @@ use super::Spring;
 use super::banded::BandedSums;
 use crate::solver::Reducer;
 use crate::solver::exact::{FixedPoint, Halves};
-use crate::transport::GROUP;
 
 /// Largest number of multiplications for the factors of a coarse matrix, a few tenths of a second. Cells are
 /// widened until the factors take less.
@@ -77,13 +76,10 @@ pub(super) struct CoarseGrid {
     pub(super) free: Vec<[f64; 3]>,
     /// The points of this process in each cell that has any.
     pub(super) members: Vec<Vec<u32>>,
+    /// The group of each point of this process.
+    group: Vec<u32>,
     /// Largest number of terms of a sum over the rows of points of cells around a node.
     terms: f64,
-}
-
-/// The points of a cell in rows: those that stand in a group of consecutive points, which one process owns.
-pub(super) fn rows(members: &[u32]) -> impl Iterator<Item = &[u32]> {
-    members.chunk_by(|a, b| *a as usize / GROUP == *b as usize / GROUP)
 }
 
 impl Layout {
@@ -195,6 +191,7 @@ impl CoarseGrid {
             cell,
             free,
             members: vec![Vec::new(); layout.nodes],
+            group: points.group_of_points(),
             terms: 0.0,
             layout,
         };
@@ -202,7 +199,10 @@ impl CoarseGrid {
             let first = grid.first_node(point);
             grid.members[first].push(point as u32);
         }
-        let count = grid.members.iter().map(|members| rows(members).count());
+        let count = grid
+            .members
+            .iter()
+            .map(|members| grid.rows(members).count());
         let mut count: Vec<i64> = count.map(|count| count as i64).collect();
         if let Some(transport) = points.processes().transport() {
             transport.sum(&mut count);
@@ -215,6 +215,11 @@ impl CoarseGrid {
 
     pub(super) fn dimension(&self) -> usize {
         self.layout.dimension
+    }
+
+    /// The points of a cell in rows: those that stand in a group of points, which one process owns.
+    pub(super) fn rows<'a>(&'a self, members: &'a [u32]) -> impl Iterator<Item = &'a [u32]> {
+        members.chunk_by(|a, b| self.group[*a as usize] == self.group[*b as usize])
     }
 
     /// Number of rows of the matrix, and its band.
@@ -304,7 +309,7 @@ impl CoarseGrid {
                 *is_reached = true;
             }
         };
-        for row in rows(members) {
+        for row in self.rows(members) {
             for &point in row {
                 add_point(point as usize, &mut block, &mut is_reached);
             }

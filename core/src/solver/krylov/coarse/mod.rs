@@ -15,13 +15,12 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use banded::{Banded, BandedSums};
-use grid::{CORNERS, CoarseGrid, Network, rows};
+use grid::{CORNERS, CoarseGrid, Network};
 
 use crate::parallel::ParallelLoop;
 use crate::solver::Reducer;
 use crate::solver::exact::Halves;
 use crate::solver::reduce::max_abs;
-use crate::transport::GROUP;
 
 /// Fraction of the coarse displacement that is applied: the diagonal corrects smooth displacements, too.
 const DAMPING: f64 = 0.6;
@@ -29,9 +28,9 @@ const DAMPING: f64 = 0.6;
 /// Points that one task moves.
 const CHUNK: usize = 512;
 
-/// Largest entry of the stiffness of a row of points between two nodes over the stiffness of the springs of one point: both ends of each spring
-/// count, weights are one at most, up to rounding.
-const MOST_OF_SPRINGS: f64 = 3.0 * GROUP as f64;
+/// Largest entry of the stiffness of a point between two nodes over the stiffness of its springs: both ends of each spring count, weights are one at
+/// most, up to rounding.
+const MOST_OF_SPRINGS: f64 = 3.0;
 
 /// Number of cells whose stiffness is held in memory at once.
 const BATCH: usize = 64;
@@ -87,7 +86,7 @@ impl CoarseSpace {
     /// system to be solved. `free` is zero for held components, else one. `None` for bodies of few cells.
     ///
     /// Collective; the same in all processes that share the points, to the bit, and for any number of them: the stiffness of a cell is the
-    /// sum over rows of up to [`GROUP`] points, which add up exactly.
+    /// sum over rows of points, those of a group, which add up exactly.
     pub fn new(
         position: &[Vector3<f64>],
         dimension: usize,
@@ -122,7 +121,7 @@ impl CoarseSpace {
         };
         let grid = CoarseGrid::new(position, dimension, &network, free, points)?;
         let (rows, band) = grid.size();
-        let fixed = grid.fixed_point(MOST_OF_SPRINGS * stiffest);
+        let fixed = grid.fixed_point(points.largest_group() * MOST_OF_SPRINGS * stiffest);
         let mut sums = BandedSums::new(rows, band);
         for cells in grid.members.chunks(BATCH) {
             let blocks = cells.par_iter().map(|m| grid.stiffness(m, fixed, &springs));
@@ -139,12 +138,13 @@ impl CoarseSpace {
     pub(super) fn add_correction(&self, residual: &[f64], points: &Reducer, out: &mut [f64]) {
         let (grid, dimension) = (&self.grid, self.grid.dimension());
         let corners = 1 << dimension;
-        let fixed = grid.fixed_point(GROUP as f64 * points.max(max_abs(points.own(residual))));
+        let largest = points.max(max_abs(points.own(residual)));
+        let fixed = grid.fixed_point(points.largest_group() * largest);
         let (forces, _) = residual.as_chunks::<3>();
         let sums = grid.members.par_iter().map(|members| {
             let mut sums = [[0.0; 3 * CORNERS]; 2];
             let mut of_row = [[0.0; 3]; CORNERS];
-            for row in rows(members) {
+            for row in grid.rows(members) {
                 for &point in row {
                     let (free, force) = (&grid.free[point as usize], &forces[point as usize]);
                     let [x, y, z] = [0, 1, 2].map(|axis| free[axis] * force[axis]);
