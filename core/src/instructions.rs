@@ -58,25 +58,6 @@ pub(crate) fn used() -> InstructionSet {
     *USED.get_or_init(widest)
 }
 
-/// Sweeps limited to an instruction set, in unit tests.
-#[cfg(test)]
-pub(crate) mod limited {
-    use std::cell::Cell;
-
-    use super::InstructionSet;
-
-    thread_local! {
-        pub(super) static LIMIT: Cell<Option<InstructionSet>> = const { Cell::new(None) };
-    }
-
-    /// Calls `sweep` on a thread whose sweeps are limited to a set.
-    pub(crate) fn to<R: Send>(set: InstructionSet, sweep: impl FnOnce() -> R + Send) -> R {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
-        let pool = pool.start_handler(move |_| LIMIT.set(Some(set))).build();
-        pool.expect("a thread").install(sweep)
-    }
-}
-
 /// Whether sweeps may use fused multiply-adds, which those that visit bonds once require.
 pub(crate) fn can_fuse() -> bool {
     used() > InstructionSet::Baseline || cfg!(target_arch = "aarch64")
@@ -99,4 +80,23 @@ fn widest() -> InstructionSet {
 #[cfg(not(target_arch = "x86_64"))]
 fn widest() -> InstructionSet {
     InstructionSet::Baseline
+}
+
+/// Sweeps limited to an instruction set, in unit tests.
+#[cfg(test)]
+pub(crate) mod limited {
+    use std::cell::Cell;
+
+    use super::InstructionSet;
+
+    thread_local! {
+        pub(super) static LIMIT: Cell<Option<InstructionSet>> = const { Cell::new(None) };
+    }
+
+    /// Calls `sweep` on a thread whose sweeps are limited to a set.
+    pub(crate) fn to<R: Send>(set: InstructionSet, sweep: impl FnOnce() -> R + Send) -> R {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
+        let pool = pool.start_handler(move |_| LIMIT.set(Some(set))).build();
+        pool.expect("a thread").install(sweep)
+    }
 }

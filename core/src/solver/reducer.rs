@@ -325,3 +325,75 @@ impl Reducer {
         self.shared.processes.min(own)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::Memory;
+
+    /// Points of a body, of which each process owns every so many groups and knows all others.
+    fn points(processes: &Processes, groups: usize) -> Reducer {
+        let owner = |point: &u32| *point as usize / GROUP % processes.size();
+        let all = 0..(groups * GROUP) as u32;
+        let is_own = |point: &u32| owner(point) == processes.rank();
+        let (own, others): (Vec<u32>, Vec<u32>) = all.partition(is_own);
+        let shared = Shared {
+            processes: processes.clone(),
+            exchange: SharedExchange::default(),
+            numbers: own.iter().chain(&others).copied().collect(),
+            owners: others.iter().map(|p| owner(p) as u32).collect(),
+        };
+        Reducer::new(groups * GROUP, own.len(), shared)
+    }
+
+    /// Up to three nodes of each point.
+    fn nodes(points: &Reducer) -> Reducer {
+        let mut nodes = SharedNodes::default();
+        for point in 0..points.points {
+            let number = points.number(point);
+            for node in 0..number % 4 {
+                nodes.numbers.push(8 * number + node);
+                nodes.point.push(point as u32);
+                nodes.is_needed.push(true);
+            }
+        }
+        points.of_nodes(nodes)
+    }
+
+    #[test]
+    fn nodes_have_the_same_sums_and_values_for_any_number_of_processes() {
+        let of_number = |number: u32| f64::from(number).sin() * 10f64.powi((number % 7) as i32);
+        let found = [1, 2, 3].map(|size| {
+            let run = |process: Memory| {
+                let processes = Processes::new(Arc::new(process));
+                let nodes = nodes(&points(&processes, 7));
+                let numbers: Vec<u32> = (0..nodes.points).map(|node| nodes.number(node)).collect();
+                let all: Vec<f64> = numbers.iter().map(|n| of_number(*n)).collect();
+                let vectors: Vec<f64> = all.iter().flat_map(|v| [*v, -2.0 * v, v * v]).collect();
+                let sums = [
+                    nodes.sum(&all),
+                    nodes.norm(&vectors),
+                    nodes.sum_points(|node| [all[node]])[0],
+                ];
+                let whole = nodes.whole_of(&all).into_owned();
+                assert_eq!(nodes.part_of(whole.clone()), all);
+                // owned values alone, until others are brought
+                let mut brought = all.clone();
+                brought[nodes.owned..].fill(f64::NAN);
+                nodes.bring(&mut brought);
+                assert_eq!(brought, all);
+                (sums.map(f64::to_bits), whole)
+            };
+            let results = std::thread::scope(|scope| {
+                let start = |process| scope.spawn(|| run(process));
+                let threads: Vec<_> = Memory::processes(size).into_iter().map(start).collect();
+                let results = threads.into_iter().map(|t| t.join().expect("no panic"));
+                results.collect::<Vec<_>>()
+            });
+            assert!(results.iter().all(|result| *result == results[0]));
+            results.into_iter().next().expect("a process")
+        });
+        assert_eq!(found[0], found[1]);
+        assert_eq!(found[0], found[2]);
+    }
+}

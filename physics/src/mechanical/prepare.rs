@@ -76,10 +76,7 @@ pub(super) fn run(
     };
     let mut solid = law.law.solid(parts)?;
     load_present(&mut *solid, setup.world(), body);
-    if let Some(corners) = solid.base().nodes.corners() {
-        let known = corners.known_points().iter().enumerate();
-        setup.read_points(body, known.filter(|(_, known)| **known).map(|(p, _)| p));
-    }
+    read_points_of_corners(&*solid, setup, body);
     let statics = Statics::new(&keys.solver, solid.base().tangent());
     let density = setup.world().density_at_points(body)?;
     let node_density = solid.base().nodes.densities(&density, &[]);
@@ -230,6 +227,14 @@ fn extrapolation(
             Err(SetupError::value("surface_stress", message, expected))
         }
         SurfaceStress::Extrapolated => Ok(Some(Extrapolation::new(body, family)?)),
+    }
+}
+
+/// Lets the values of points be exchanged whose corners a solid moves.
+fn read_points_of_corners(solid: &dyn Solid, setup: &mut Setup<'_>, body: BodyIndex) {
+    if let Some(corners) = solid.base().nodes.corners() {
+        let known = corners.known_points().iter().enumerate();
+        setup.read_points(body, known.filter(|(_, known)| **known).map(|(p, _)| p));
     }
 }
 
