@@ -30,6 +30,8 @@ end=(--until 1)
 compare "$case" one "${end[@]}"
 # bonds break
 compare cases/performance/block-47-ordinary.toml solid --set materials.glass.critical_stretch=5e-5
+# metal flows
+compare cases/verification/hill-sphere-staggered.toml metal
 
 echo "a run of 2 processes, of which one is killed"
 "${launch[@]}" -n 2 "$program" run "$case" --out "$folder/killed.mcap" --threads 1 "${end[@]}" >/dev/null 2>&1 &

@@ -10,11 +10,13 @@ use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
 
+use crate::error::RunError;
 use crate::folder;
 use crate::formula::Formula;
 use crate::input;
 use crate::material::Table;
 use crate::samples::{FieldFile, NumberTable, SamplesError, SamplesFault, Wanted};
+use crate::text::number;
 
 /// A number that may change in time: a formula, or piecewise linear through the rows of a table, constant
 /// before the first and after the last. A jump is two rows a moment apart.
@@ -44,6 +46,23 @@ impl InTime {
             InTime::Constant(value) => *value,
             InTime::Table(table) | InTime::File(_, table) => table.at(time),
             InTime::Formula(formula) => formula.at([0.0; 3], time),
+        }
+    }
+
+    /// The value of the key of a plugin at a time (s).
+    ///
+    /// # Errors
+    /// A formula without a finite value.
+    pub fn value_at(&self, key: &'static str, time: f64) -> Result<f64, WrongValue> {
+        let value = self.at(time);
+        match value.is_finite() {
+            true => Ok(value),
+            false => Err(WrongValue {
+                key,
+                value,
+                time,
+                expected: "a finite number",
+            }),
         }
     }
 
@@ -88,6 +107,31 @@ impl InTime {
         let rows = rows(&path, file.column.clone());
         let rows = rows.map_err(|fault| SamplesError { path, fault })?;
         Ok(InTime::File(file.clone(), rows))
+    }
+}
+
+/// A value by time that makes no sense at a time of the run.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("`{key}` is {} at t = {} s, expected {expected}", number(*value, 6), number(*time, 6))]
+pub struct WrongValue {
+    /// The key of the plugin.
+    pub key: &'static str,
+    /// The value.
+    pub value: f64,
+    /// s.
+    pub time: f64,
+    /// What is expected.
+    pub expected: &'static str,
+}
+
+impl WrongValue {
+    /// The error of a plugin.
+    pub fn of(self, plugin: &str) -> RunError {
+        RunError::Plugin {
+            plugin: plugin.into(),
+            time: self.time,
+            cause: Box::new(self),
+        }
     }
 }
 

@@ -170,7 +170,8 @@ impl Coupler for InherentStrain {
 
 impl RunningCoupler for RunningInherentStrain {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let factor = self.factor.at(step.end());
+        let factor = self.factor.value_at("factor", step.end());
+        let factor = factor.map_err(|e| e.of("inherent_strain"))?;
         let mut inherent = world.write(self.inherent);
         for (point, strain) in &self.strains {
             inherent[*point as usize] += factor * strain;

@@ -405,6 +405,62 @@ fn what_nobody_provides_is_told_for_each_plugin() {
     )]));
 }
 
+/// Passes that cannot agree, a release before the start, sections of one name, and the heat of a rate in a steady state.
+#[test]
+fn what_cannot_happen_is_refused() {
+    const BAR: &str = r#"[bodies.bar]
+shape.box = { min = [0, 0, 0], max = [0.01, 0.004, 0.004] }
+spacing = 1e-3
+material = "steel"
+regions.foot.box = { min = [0, 0, 0], max = [0.001, 1, 1] }
+initial.temperature = 300
+
+[materials.steel]
+density = 7800
+specific_heat = 500
+conductivity = 40
+thermal_expansion = 1.2e-5
+youngs_modulus = 2e11
+poissons_ratio = 0.25
+
+[[physics]]
+type = "thermal"
+
+[[physics]]
+type = "mechanical"
+sections = [{ name = "middle", axis = "x", at = 0.005 }, { name = "end", axis = "x", at = 0.007 }]
+
+[[couplers]]
+type = "clamp"
+region = "foot"
+until = 1
+
+[[couplers]]
+type = "deformation_heat"
+
+[time]
+end = 1
+step = 0.1
+iteration = { tolerance = 1e-6, passes = 20 }
+"#;
+    perimelt_tests::start("bar.toml", BAR.into()).expect("the case is valid");
+    let all = [
+        ("tolerance = 1e-6", "tolerance = 0.0"),
+        ("passes = 20", "passes = 1"),
+        ("until = 1", "until = -1"),
+        ("name = \"end\"", "name = \"middle\""),
+        (
+            "type = \"thermal\"",
+            "type = \"thermal\"\nsolver = \"steady\"",
+        ),
+    ];
+    let told = all.map(|(right, wrong)| {
+        let text = perimelt_tests::changed(BAR, right, wrong);
+        perimelt_tests::message("bar.toml", text)
+    });
+    insta::assert_snapshot!(told.join("\n\n"));
+}
+
 /// Mistakes that only the composed case shows.
 #[test]
 fn mistakes_of_the_composed_case_are_told_together() {

@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::fmt;
 use std::path::PathBuf;
 
-use perimelt_core::in_time::Rows;
+use perimelt_core::in_time::{Rows, WrongValue};
 use perimelt_core::numbers::check_positive;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::surrounding_body::{NewSurroundingBody, SurroundingBody};
@@ -366,6 +366,20 @@ impl AmbientTemperatures {
         match &self.0[..] {
             [one] => *one,
             all => all.get(cell).copied().unwrap_or_default(),
+        }
+    }
+
+    /// Refuses temperatures at a time (s) that no surroundings have.
+    pub fn check(&self, time: f64) -> Result<(), WrongValue> {
+        let is_wrong = |t: &&f64| !(t.is_finite() && **t >= 0.0);
+        match self.0.iter().find(is_wrong) {
+            None => Ok(()),
+            Some(&value) => Err(WrongValue {
+                key: "ambient",
+                value,
+                time,
+                expected: "kelvins, zero or above",
+            }),
         }
     }
 

@@ -191,6 +191,8 @@ impl RunningCoupler for RunningConvection {
         let mut law = self.heat.law();
         let around = self.heat.around();
         self.ambient.update(world, step, around, &mut law.ambient);
+        let known = law.ambient.check(step.middle());
+        known.map_err(|e| e.of("convection"))?;
         let Some(factor) = &self.factor else {
             return Ok(());
         };

@@ -67,7 +67,8 @@ impl Coupler for HeatFlux {
 impl RunningCoupler for RunningHeatFlux {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         self.heat.follow(world);
-        self.heat.law().0 = self.flux.at(step.middle());
+        let flux = self.flux.value_at("flux", step.middle());
+        self.heat.law().0 = flux.map_err(|e| e.of("heat_flux"))?;
         Ok(())
     }
 

@@ -418,7 +418,8 @@ impl RunningCoupler for RunningDeposit {
                 let point = birth.point as usize;
                 active[point] = 1.0;
                 let time = self.schedule.time_of(birth.time);
-                birth_temperature[point] = self.temperature.at(time);
+                let temperature = self.temperature.value_at("temperature", time);
+                birth_temperature[point] = temperature.map_err(|e| e.of("deposit"))?;
             }
             drop((active, birth_temperature));
             self.count(world, due);

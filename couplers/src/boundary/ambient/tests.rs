@@ -42,6 +42,28 @@ fn surroundings_have_a_temperature_in_time_or_are_a_body() {
     assert_eq!(read(keys), body(2.0, ExchangeKind::OneWay));
 }
 
+/// A formula in time may leave the kelvins that surroundings can have during the run.
+#[test]
+fn temperatures_that_no_surroundings_have_end_the_run() {
+    for (ambient, told) in [
+        ("'300 - 400 * t'", "`ambient` is -100 at t = 1 s"),
+        ("'300 + log(1 - t)'", "`ambient` is -inf at t = 1 s"),
+    ] {
+        let mut world = World::new(vec![block([2, 2, 1], 2, STEEL)]);
+        let text = format!("faces = ['x+']\ncoefficient = 10\nambient = {ambient}");
+        let convection: Convection = crate::testing::read(&text);
+        let (mut convection, ()) = prepare(&mut world, convection, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+        })
+        .expect("valid at the start");
+        let mut at = |time: f64| convection.apply(&world, Step::new(time, 0.0));
+        at(0.5).expect("kelvins");
+        let error = at(1.0).expect_err("no kelvins");
+        let found = error.to_string();
+        assert!(found.contains(told), "{found}");
+    }
+}
+
 #[test]
 fn keys_that_do_not_go_together_are_refused() {
     for (table, message) in [
