@@ -205,7 +205,8 @@ fn equilibrium_has_the_same_bits_for_any_number_of_processes() {
     let all = [
         ("linear", linear.clone(), &[2, 5][..]),
         ("finite", finite.clone(), &[3]),
-        ("layers", layered(&linear), &[2, 3]),
+        ("layers", layered(&linear), &[2]),
+        ("layers, ordinary", layered(&ordinary(&linear)), &[3]),
         (
             "layers, correspondence",
             correspondence(&layered(&finite)),

@@ -15,7 +15,6 @@ use super::{BodyIndex, World};
 use crate::body::{Horizon, Part, partition};
 use crate::error::SetupError;
 use crate::field::{FieldIndex, Write};
-use crate::plugin::{LoadError, SavedState};
 use crate::point_rows::PointRows;
 use crate::solver::{Reducer, Shared};
 use crate::transport::Processes;
@@ -262,15 +261,15 @@ impl World {
     pub fn load_points<T: Clone + DeserializeOwned>(
         &self,
         body: BodyIndex,
-        state: SavedState<'_, '_>,
-    ) -> Result<Vec<T>, LoadError> {
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<Vec<T>, erased_serde::Error> {
         let whole: Vec<T> = erased_serde::deserialize(state)?;
         let (found, points) = (whole.len(), self.points_of_whole(body));
         if found == points {
             return Ok(self.reducer(body).part_of(whole));
         }
         let message = format!("values of {found} points for a body of {points} points");
-        Err(LoadError::custom(message))
+        Err(erased_serde::Error::custom(message))
     }
 
     /// The entries of a field by point of the whole body, in the first process; `None` in others. Collective.

@@ -202,10 +202,16 @@ impl Dilatation {
     }
 
     /// Sums what bent layers and the conjugate stress need.
-    pub(super) fn sum_directions(&mut self, inputs: &Inputs, broken: Option<&BrokenBonds>) {
+    pub(super) fn sum_directions(
+        &mut self,
+        inputs: &Inputs,
+        broken: Option<&BrokenBonds>,
+        points: &Reducer,
+    ) {
         if self.directions.is_empty() {
             self.directions = vec![[0.0; 6]; self.sums.len()];
             inputs.sum::<INPUTS, 6>(&Directions, broken, &mut self.directions);
+            points.bring(self.directions.as_flattened_mut());
         }
     }
 

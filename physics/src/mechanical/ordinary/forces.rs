@@ -39,7 +39,7 @@ impl<L: BondForce> Ordinary<L> {
         dilatation.sum(strain, finite, &self.inputs, broken);
         dilatation.bring_sums(&self.base.points);
         if self.base.continuation.is_bent() {
-            dilatation.sum_directions(&self.inputs, broken);
+            dilatation.sum_directions(&self.inputs, broken, &self.base.points);
         }
         let law = PressureLaw {
             elastic: &self.base.elastic,

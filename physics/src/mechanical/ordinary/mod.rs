@@ -249,6 +249,7 @@ impl<L: BondForce> Ordinary<L> {
             elastic,
             fracture,
             tensors,
+            points,
             ..
         } = &mut self.base;
         let broken = fracture.as_ref().map(Fracture::broken);
@@ -256,7 +257,7 @@ impl<L: BondForce> Ordinary<L> {
         inputs.sum::<INPUTS, 6>(&ConjugateStress { law, finite }, broken, tensors);
         if let Some(dilatation) = &mut self.dilatation {
             dilatation.sum(StrainKind::Total, finite, inputs, broken);
-            dilatation.sum_directions(inputs, broken);
+            dilatation.sum_directions(inputs, broken, points);
             for (i, tensor) in tensors.iter_mut().enumerate() {
                 let of_pressure = dilatation.conjugate_stress_tensor(elastic, i);
                 (0..6).for_each(|c| tensor[c] += of_pressure[c]);
