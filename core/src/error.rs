@@ -5,6 +5,7 @@ use std::fmt;
 use crate::body::{BodyError, HorizonError};
 pub use crate::explanation::{Explanation, nearest};
 use crate::family::FamilyError;
+use crate::in_time::WrongValue;
 use crate::text::{number, position};
 
 /// Boxed cause of an error, for plugins with errors of their own.
@@ -412,6 +413,17 @@ pub enum RunError {
     /// A checkpoint that does not fit the case.
     #[error("the checkpoint does not fit the case: {0}")]
     Checkpoint(String),
+}
+
+impl RunError {
+    /// A value by time of a plugin that makes no sense.
+    pub fn wrong_value(plugin: &str, wrong: WrongValue) -> Self {
+        RunError::Plugin {
+            plugin: plugin.into(),
+            time: wrong.time,
+            cause: Box::new(wrong),
+        }
+    }
 }
 
 fn stable_hint(step: f64, stable: Option<f64>) -> String {

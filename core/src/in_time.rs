@@ -10,7 +10,6 @@ use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
 
-use crate::error::RunError;
 use crate::folder;
 use crate::formula::Formula;
 use crate::input;
@@ -122,17 +121,6 @@ pub struct WrongValue {
     pub time: f64,
     /// What is expected.
     pub expected: &'static str,
-}
-
-impl WrongValue {
-    /// The error of a plugin.
-    pub fn of(self, plugin: &str) -> RunError {
-        RunError::Plugin {
-            plugin: plugin.into(),
-            time: self.time,
-            cause: Box::new(self),
-        }
-    }
 }
 
 fn rows(path: &Path, column: Option<String>) -> Result<Table, SamplesFault> {

@@ -171,7 +171,7 @@ impl Coupler for InherentStrain {
 impl RunningCoupler for RunningInherentStrain {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let factor = self.factor.value_at("factor", step.end());
-        let factor = factor.map_err(|e| e.of("inherent_strain"))?;
+        let factor = factor.map_err(|e| RunError::wrong_value("inherent_strain", e))?;
         let mut inherent = world.write(self.inherent);
         for (point, strain) in &self.strains {
             inherent[*point as usize] += factor * strain;

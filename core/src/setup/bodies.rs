@@ -69,11 +69,12 @@ impl Setup<'_> {
     /// The region called `name` of a body.
     ///
     /// # Errors
-    /// When there is none of that name, or it holds no point; blamed on `key`.
+    /// When there is none of that name, or it holds no point of the whole body; blamed on `key`. Collective.
     pub fn region(&self, body: BodyIndex, key: &str, name: &str) -> Result<Region, SetupError> {
         let region = self.world.region(body, key, name)?;
         let body = self.body(body);
-        if region.points.is_empty() {
+        // the part of the body that a process has may have none of them
+        if !self.world.processes().any(!region.points.is_empty()) {
             let (from, to) = body.bounds();
             let problem = Problem::EmptyRegion {
                 region: name.into(),

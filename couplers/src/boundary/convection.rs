@@ -192,7 +192,7 @@ impl RunningCoupler for RunningConvection {
         let around = self.heat.around();
         self.ambient.update(world, step, around, &mut law.ambient);
         let known = law.ambient.check(step.middle());
-        known.map_err(|e| e.of("convection"))?;
+        known.map_err(|e| RunError::wrong_value("convection", e))?;
         let Some(factor) = &self.factor else {
             return Ok(());
         };

@@ -68,7 +68,7 @@ impl RunningCoupler for RunningHeatFlux {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         self.heat.follow(world);
         let flux = self.flux.value_at("flux", step.middle());
-        self.heat.law().0 = flux.map_err(|e| e.of("heat_flux"))?;
+        self.heat.law().0 = flux.map_err(|e| RunError::wrong_value("heat_flux", e))?;
         Ok(())
     }
 

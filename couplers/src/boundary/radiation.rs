@@ -143,7 +143,7 @@ impl RunningCoupler for RunningRadiation {
         let around = self.heat.around();
         self.ambient.update(world, step, around, &mut law.ambient);
         let known = law.ambient.check(step.middle());
-        known.map_err(|e| e.of("radiation"))?;
+        known.map_err(|e| RunError::wrong_value("radiation", e))?;
         if law.emissivity.len() > 1 && law.version != Some(self.heat.version()) {
             law.version = Some(self.heat.version());
             let material = &world.body(self.body).material_of_point;

@@ -200,7 +200,7 @@ impl Coupler for Traction {
 impl RunningCoupler for RunningTraction {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let factor = self.factor.value_at("factor", step.end());
-        let factor = factor.map_err(|e| e.of("traction"))?;
+        let factor = factor.map_err(|e| RunError::wrong_value("traction", e))?;
         let loads = self.load.at(step.end());
         let loads = loads.map_err(|e| e.during("traction", step.end()))?;
         let on_cell = |(index, cell): (usize, &SurfaceCell)| {

@@ -419,7 +419,8 @@ impl RunningCoupler for RunningDeposit {
                 active[point] = 1.0;
                 let time = self.schedule.time_of(birth.time);
                 let temperature = self.temperature.value_at("temperature", time);
-                birth_temperature[point] = temperature.map_err(|e| e.of("deposit"))?;
+                birth_temperature[point] =
+                    temperature.map_err(|e| RunError::wrong_value("deposit", e))?;
             }
             drop((active, birth_temperature));
             self.count(world, due);

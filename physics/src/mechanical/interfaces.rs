@@ -166,7 +166,8 @@ fn points_of(setup: &Setup<'_>, body: usize, name: &str) -> Result<Vec<u32>, Set
         Some(points.map(|(point, _)| point as u32).collect::<Vec<_>>())
     };
     match (this.regions.contains_key(name), of_material()) {
-        (false, Some(points)) if !points.is_empty() => Ok(points),
+        // the part of the body that a process has may have none of them
+        (false, Some(points)) if setup.world().processes().any(!points.is_empty()) => Ok(points),
         (false, _) => {
             let names = this.materials.iter().map(|m| m.name().to_owned());
             let known: Vec<String> = names.chain(this.regions.keys().cloned()).collect();
