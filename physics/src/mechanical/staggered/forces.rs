@@ -43,6 +43,10 @@ impl<const D: usize> Staggered<D> {
 
     /// Change of [`Staggered::piola`] with that of the gradient.
     fn change_of_piola(&self, point: usize) -> Matrix3<f64> {
+        // without material, or a point of another process whose corners are not known
+        if self.gradient.is_loose(point) {
+            return Matrix3::zeros();
+        }
         let (base, change) = (&self.base, &self.gradient.values[point]);
         if let Some(points) = base.law_points_of(&self.gradient, point) {
             let about = At::point(point, &points.about[point]);
