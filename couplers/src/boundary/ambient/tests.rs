@@ -54,6 +54,7 @@ fn temperatures_that_no_surroundings_have_end_the_run() {
         let convection: Convection = crate::testing::read(&text);
         let (mut convection, ()) = prepare(&mut world, convection, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
+            assert_eq!(setup.facts::<Rc<Exchange>>(0).count(), 1);
         })
         .expect("valid at the start");
         let mut at = |time: f64| convection.apply(&world, Step::new(time, 0.0));
