@@ -6,7 +6,6 @@ use super::Simulation;
 use crate::error::RunError;
 use crate::field::FieldIndex;
 use crate::solver::Reducer;
-use crate::solver::reduce::max_abs;
 use crate::stepping::Step;
 
 /// Repetition of the staggered pass.
@@ -65,9 +64,7 @@ impl Aitken {
 
     /// The largest value of a field.
     fn size(points: &Reducer, values: &[f64]) -> f64 {
-        points
-            .max(max_abs(points.own(values)))
-            .max(f64::MIN_POSITIVE)
+        points.max_abs(values).max(f64::MIN_POSITIVE)
     }
 
     /// The state to go on from, after a pass went from `old` to `new`.

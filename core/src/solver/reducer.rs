@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::exact::ExactSum;
-use super::reduce::{Groups, exact_sum_of, exact_sums_of_points};
+use super::reduce::{Groups, exact_sum_of, exact_sums_of_points, max_abs};
 use crate::transport::exchange::{Owners, SharedExchange, gather_to_all, lock};
 use crate::transport::{GROUP, Processes};
 
@@ -308,6 +308,11 @@ impl Reducer {
             self.max(found.map_or(f64::NEG_INFINITY, |(_, numbers)| numbers[n]))
         });
         first.is_finite().then_some((size, numbers))
+    }
+
+    /// The largest magnitude of a vector by point of any process, zero for an empty one, NaN if an entry is NaN.
+    pub fn max_abs(&self, values: &[f64]) -> f64 {
+        self.max(max_abs(self.own(values)))
     }
 
     /// Whether something is true in any process.

@@ -1,7 +1,6 @@
 //! Equilibrium: the displacement at which bond forces and loads balance.
 
 use perimelt_core::family::LayerRule;
-use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::solver::{
     Hints, KrylovMethod, Newton, NewtonOptions, NewtonReport, NullSpace, Reducer, Relaxation,
     RelaxationOptions, Rhs, SolverError, fictitious_mass, largest_eigenvalue,
@@ -336,7 +335,7 @@ fn rounding(residual: &mut Residual<'_>, eigenstrain: f64, displacement: &[f64])
     let (solid, points) = (&mut *residual.solid, &residual.points);
     let diagonal: Vec<f64> = solid.blocks().iter().map(|b| b[0] + b[1] + b[2]).collect();
     let horizon = points.max(solid.base().largest_horizon());
-    let extension = eigenstrain * horizon + points.max(max_abs(points.own(displacement)));
+    let extension = eigenstrain * horizon + points.max_abs(displacement);
     RELATIVE * points.norm(&diagonal) * extension
 }
 

@@ -40,7 +40,6 @@
 
 use nalgebra::Matrix3;
 use perimelt_core::family::LayerRule;
-use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Face, Setup, SetupError, World};
 use rayon::prelude::*;
@@ -391,8 +390,7 @@ impl MechanicalRun {
         let strains = self.set_stress_free(world);
         if !strains.is_empty() {
             let points = world.reducer(self.body);
-            let largest = max_abs(points.own(strains.as_flattened()));
-            self.eigenstrain_size += points.max(largest);
+            self.eigenstrain_size += points.max_abs(strains.as_flattened());
             self.note_stress_free(world, &strains);
         }
     }

@@ -131,8 +131,7 @@ impl MechanicalRun {
             ..PointStates::default()
         });
         let points = world.reducer(self.body);
-        let of_eigenstrain = eigenstrain.map_or(0.0, |strain| max_abs(points.own(&strain)));
-        let of_eigenstrain = points.max(of_eigenstrain);
+        let of_eigenstrain = eigenstrain.map_or(0.0, |strain| points.max_abs(&strain));
         self.eigenstrain_size = of_eigenstrain;
         self.load_stress_free(world);
         self.note_loads(world);

@@ -20,7 +20,6 @@ use grid::{CORNERS, CoarseGrid, Network};
 use crate::parallel::ParallelLoop;
 use crate::solver::Reducer;
 use crate::solver::exact::Halves;
-use crate::solver::reduce::max_abs;
 
 /// Fraction of the coarse displacement that is applied: the diagonal corrects smooth displacements, too.
 const DAMPING: f64 = 0.6;
@@ -138,8 +137,7 @@ impl CoarseSpace {
     pub(super) fn add_correction(&self, residual: &[f64], points: &Reducer, out: &mut [f64]) {
         let (grid, dimension) = (&self.grid, self.grid.dimension());
         let corners = 1 << dimension;
-        let largest = points.max(max_abs(points.own(residual)));
-        let fixed = grid.fixed_point(points.largest_group() * largest);
+        let fixed = grid.fixed_point(points.largest_group() * points.max_abs(residual));
         let (forces, _) = residual.as_chunks::<3>();
         let sums = grid.members.par_iter().map(|members| {
             let mut sums = [[0.0; 3 * CORNERS]; 2];
