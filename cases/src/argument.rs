@@ -54,6 +54,16 @@ pub(crate) fn positive(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "expected a finite number above 0".into())
 }
 
+/// More threads than any machine has cores take a minute to start.
+const MOST_THREADS: usize = 1024;
+
+/// A number of threads that is given as an argument.
+pub(crate) fn threads(text: &str) -> Result<usize, String> {
+    let number = text.trim().parse().ok();
+    let number = number.filter(|count| (1..=MOST_THREADS).contains(count));
+    number.ok_or_else(|| format!("expected a number from 1 to {MOST_THREADS}"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

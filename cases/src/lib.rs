@@ -18,6 +18,7 @@
 
 #![cfg_attr(not(test), warn(unused_crate_dependencies))]
 mod argument;
+mod bench;
 pub mod case;
 mod cell_grid;
 pub mod commands;

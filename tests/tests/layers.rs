@@ -7,8 +7,8 @@ use std::path::Path;
 use perimelt_tests::{files_with, root};
 
 /// Modules of `perimelt-core`, the lowest first.
-const CORE: &str = "instructions parallel transport axis orientation named input folder text explanation flattened cell_list neighbours fire formula shape material samples in_time programme point_rows body \
-                    solver family pddo error numbers surface_tension law stepping in_space field world setup pair_list schedule plugin log simulation";
+const CORE: &str = "instructions parallel transport arithmetic axis orientation named input folder text explanation flattened cell_list neighbours fire formula shape material samples in_time programme point_rows body \
+                    solver family device pddo error numbers surface_tension law stepping in_space field world setup pair_list schedule plugin log simulation";
 
 /// Modules of `perimelt-plot`, the lowest first.
 const PLOT: &str =
@@ -17,7 +17,7 @@ const PLOT: &str =
 /// Modules of `perimelt`, the lowest first.
 const CASES: &str = "interrupt terminal file_names argument library cell_grid component growing_log unit output tables \
                      log_names log_file moment melt_pool probe case quantity plot run export summary diff sweep verify \
-                     view commands";
+                     view bench commands";
 
 /// The code of a file without comments and tests.
 fn code(path: &Path) -> String {

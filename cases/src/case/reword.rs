@@ -92,10 +92,9 @@ impl SectionContext<'_> {
                 let name = path.last().map_or("", String::as_str);
                 self.documented(reworded, name, &path)
             }
-            Some(Foreign::SeveralChoices) => {
+            Some(Foreign::NotOneChoice { found }) => {
                 let key = path.join(".");
-                at(format!("`{key}` in {} has more than one kind", self.name))
-                    .expected("one of them")
+                at(format!("`{key}` in {} has {found}", self.name)).expected("one of them")
             }
             None => at(message.to_string()),
         };
@@ -183,15 +182,19 @@ enum Foreign<'m> {
     Missing(&'m str),
     /// Found and expected type, in words.
     WrongType { found: String, expected: String },
-    /// More than one of several choices.
-    SeveralChoices,
+    /// None or more than one of several choices, in words.
+    NotOneChoice { found: &'static str },
 }
 
 impl<'m> Foreign<'m> {
     /// Recognises a message by its first words; `None` for messages of Perimelt.
     fn new(message: &'m str) -> Option<Self> {
-        if message.starts_with("wanted exactly 1 element, more than") {
-            return Some(Foreign::SeveralChoices);
+        if let Some(found) = message.strip_prefix("wanted exactly 1 element, ") {
+            let found = match found.starts_with("more than") {
+                true => "more than one kind",
+                false => "no kind",
+            };
+            return Some(Foreign::NotOneChoice { found });
         }
         // a choice with keys reports all unknown ones; the first is enough
         if let Some(keys) = message.strip_prefix("unexpected keys in table: ") {
@@ -332,12 +335,15 @@ mod tests {
             Foreign::new(&message("needs = {}")),
             Some(Foreign::Missing("key"))
         );
-        let several = message("choice = { keyed = { first = 1 }, simple = {} }");
-        assert_eq!(
-            Foreign::new(&several),
-            Some(Foreign::SeveralChoices),
-            "{several}"
-        );
+        let keyed = "choice = { keyed = { first = 1 }, simple = {} }";
+        for (case, found) in [(keyed, "more than one kind"), ("choice = {}", "no kind")] {
+            let wrong = message(case);
+            assert_eq!(
+                Foreign::new(&wrong),
+                Some(Foreign::NotOneChoice { found }),
+                "{wrong}"
+            );
+        }
     }
 
     /// An error that passed through `erased_serde` twice, as that of a table in a law.

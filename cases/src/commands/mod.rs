@@ -1,5 +1,6 @@
 //! The command line.
 
+mod bench;
 mod check;
 mod diff;
 mod explain;
@@ -76,6 +77,8 @@ enum Command {
     View(view::ViewArgs),
     /// Run benchmark cases and compare them with their references
     Verify(verify::VerifyArgs),
+    /// Measure the speed of sweeps on this machine and what limits it, or that of messages among processes
+    Bench(crate::bench::BenchArgs),
 }
 
 type Done = Result<(), Box<dyn Error>>;
@@ -115,6 +118,7 @@ pub fn main() -> ExitCode {
             view::view(&args, &mut crate::terminal::output()).map_err(Into::into)
         }
         Command::Verify(args) => verify::run(&args),
+        Command::Bench(args) => bench::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

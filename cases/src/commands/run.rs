@@ -8,7 +8,7 @@ use perimelt_core::instructions::{InstructionSet, limit_instructions};
 use perimelt_core::transport::Processes;
 
 use super::{Done, processes};
-use crate::argument::positive;
+use crate::argument::{self, positive};
 use crate::case::Case;
 use crate::case::change::Change;
 use crate::interrupt;
@@ -55,7 +55,7 @@ pub struct ResumeArgs {
 #[derive(clap::Args, Debug)]
 pub(super) struct Machine {
     /// Number of threads [default: all cores]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = argument::threads)]
     threads: Option<usize>,
     /// Widest instruction set to use: results of two machines are the same bit by bit if both use it
     /// [default: the widest of the machine]
@@ -109,18 +109,11 @@ struct Common {
 /// Why a command cannot start.
 #[derive(Debug, thiserror::Error)]
 enum ArgumentError {
-    #[error("`--threads` must be at least 1")]
-    NoThreads,
     #[error("{path} is a log, not a case file; use `perimelt resume` to continue its run", path = .0.display())]
     IsLog(PathBuf),
-    #[error("`--threads` is {0}, expected at most {MOST_THREADS}")]
-    Threads(usize),
     #[error("the log would overwrite the case file {path}; give another `--out`", path = .0.display())]
     OverwritesCase(PathBuf),
 }
-
-/// More threads than any machine has cores take a minute to start.
-const MOST_THREADS: usize = 1024;
 
 /// A run that a signal ended early: no mistake, and not finished. Its exit status is that of a program that the signal
 /// ended.
@@ -221,8 +214,6 @@ impl Common {
 fn take_threads(threads: Option<usize>) -> Done {
     match threads.or_else(processes::threads_of_process) {
         None => Ok(()),
-        Some(0) => Err(ArgumentError::NoThreads.into()),
-        Some(count) if count > MOST_THREADS => Err(ArgumentError::Threads(count).into()),
         Some(count) => Ok(rayon::ThreadPoolBuilder::new()
             .num_threads(count)
             .build_global()?),

@@ -15,10 +15,17 @@ use crate::unit::{self, duration};
 pub struct Display {
     bar: Option<ProgressBar>,
     quiet: bool,
-    start: f64,
     end: f64,
     started: Instant,
+    /// Steps that had been made then.
+    steps: f64,
     shown: Instant,
+}
+
+/// Macro steps and those of all physics within them.
+fn steps_so_far(simulation: &Simulation) -> f64 {
+    let progress = simulation.progress();
+    (progress.macro_steps + progress.sub_steps.iter().sum::<u64>()) as f64
 }
 
 /// The bar counts in these parts of the simulated time.
@@ -37,9 +44,9 @@ impl Display {
         Display {
             bar,
             quiet,
-            start: simulation.time(),
             end: simulation.options().end.min(until),
             started: now,
+            steps: steps_so_far(simulation),
             shown: now,
         }
     }
@@ -56,8 +63,11 @@ impl Display {
         }
         self.shown = Instant::now();
         let time = simulation.time();
-        let elapsed = self.started.elapsed().as_secs_f64();
-        let left = elapsed * ((self.end - time) / (time - self.start)).max(0.0);
+        // a step while a part cools is as long as hundreds of those in which it is welded
+        let made = steps_so_far(simulation) - self.steps;
+        let ahead = simulation.steps_between(time, self.end);
+        let ahead = ahead.macro_steps + ahead.sub_steps.iter().sum::<f64>();
+        let left = self.started.elapsed().as_secs_f64() * ahead / made.max(1.0);
         let step = simulation.progress().last_step;
         let peak = hottest(simulation).map(|(_, t)| t).reduce(f64::max);
         let peak = peak.map_or(String::new(), |t| format!("peak {t:.0} K, "));

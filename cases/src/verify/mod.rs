@@ -28,6 +28,7 @@ use std::time::Instant;
 
 use perimelt_core::error::nearest;
 
+use crate::argument;
 use crate::case::sections::Components;
 use crate::case::{Case, CaseError};
 use crate::unit::duration;
@@ -53,7 +54,7 @@ pub struct VerifyArgs {
     #[arg(long, value_name = "FOLDER")]
     pub cases: Option<PathBuf>,
     /// Threads; as many cases run side by side
-    #[arg(long)]
+    #[arg(long, value_parser = argument::threads)]
     pub threads: Option<usize>,
     /// Writes the results to this JSON file; results of other checks in it are kept
     #[arg(long, value_name = "FILE")]
