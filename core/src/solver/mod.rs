@@ -42,7 +42,8 @@ pub use error::SolverError;
 pub use exact::ExactSum;
 pub use implicit::Implicit;
 pub use krylov::{
-    CoarseSpace, Hints, Krylov, KrylovMethod, KrylovOptions, KrylovReport, NullSpace, Spring,
+    CoarseGrid, CoarseSpace, Hints, Krylov, KrylovMethod, KrylovOptions, KrylovReport, NullSpace,
+    Spring,
 };
 pub use newton::{Newton, NewtonOptions, NewtonReport};
 pub(crate) use reducer::Shared;

@@ -19,7 +19,7 @@ use bicgstab::BiCgStab;
 use conjugate_gradient::ConjugateGradient;
 use gmres::Gmres;
 
-pub use coarse::{CoarseSpace, Spring};
+pub use coarse::{CoarseGrid, CoarseSpace, Spring};
 pub use null_space::NullSpace;
 
 use super::error::{SolverError, same_length};

@@ -1,6 +1,7 @@
 //! The coarse grid: its cells, the points in them, and the stiffness between its nodes.
 
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 use super::Spring;
 use super::banded::BandedSums;
@@ -18,9 +19,9 @@ const WORK_FOR_SPRING: usize = 500;
 /// Number of multiplications that are always allowed, some milliseconds.
 const FREE_WORK: usize = 30_000_000;
 
-/// Smallest width of a cell in neighbourhoods. Cells of a whole neighbourhood take a fifth to a third more
-/// iterations.
-const LEAST_WIDTH: f64 = 0.5;
+/// Smallest width of a cell in neighbourhoods. Cells half as wide save a tenth of the iterations, and cost more than that where
+/// the stiffness changes with every solution, as with temperature.
+const LEAST_WIDTH: f64 = 1.5;
 
 /// With fewer nodes than these the diagonal alone does as well.
 const LEAST_NODES: usize = 12;
@@ -34,15 +35,24 @@ const ZERO: [[f64; 3]; 3] = [[0.0; 3]; 3];
 /// Corners of a cell in three dimensions.
 pub(super) const CORNERS: usize = 8;
 
+/// The springs of a point.
+#[derive(Clone, Copy, Debug, Default)]
+struct Neighbourhood {
+    reach: f64,
+    springs: f64,
+    /// Sum of the largest entries of their stiffnesses.
+    stiffness: f64,
+}
+
 /// Size of a network of springs.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Network {
+struct Network {
     /// Number of springs, those from each of their ends.
-    pub springs: usize,
+    springs: usize,
     /// Smallest half-width of a neighbourhood.
-    pub shortest: f64,
+    shortest: f64,
     /// Largest half-width of a neighbourhood.
-    pub longest: f64,
+    longest: f64,
 }
 
 /// Cells and nodes of a grid of a given width.
@@ -63,9 +73,9 @@ struct Layout {
     band: usize,
 }
 
-/// Points in the cells of a grid.
+/// The cells of a coarse grid, and points of a network of springs in them.
 #[derive(Clone, Debug)]
-pub(super) struct CoarseGrid {
+pub struct CoarseGrid {
     layout: Layout,
     /// The cell of each point along each axis.
     cell: Vec<[usize; 3]>,
@@ -80,6 +90,8 @@ pub(super) struct CoarseGrid {
     group: Vec<u32>,
     /// Largest number of terms of a sum over the rows of points of cells around a node.
     terms: f64,
+    /// Largest sum of the largest entries of the stiffnesses of the springs of a point.
+    pub(super) stiffest: f64,
 }
 
 impl Layout {
@@ -175,15 +187,41 @@ impl Layout {
 }
 
 impl CoarseGrid {
-    /// The finest affordable grid; `None` if it has few nodes.
-    pub(super) fn new(
+    /// The finest affordable grid for `points` at `position` (m) with the `springs` of each. `free` is zero for held components, else one. `None` for
+    /// bodies of few cells. Collective.
+    pub fn new(
         position: &[Vector3<f64>],
         dimension: usize,
-        network: &Network,
         free: Vec<[f64; 3]>,
         points: &Reducer,
+        springs: impl Fn(usize, &mut dyn FnMut(Spring)) + Sync,
     ) -> Option<Self> {
-        let layout = Layout::fitting(position, dimension, network, points)?;
+        let neighbourhood = |point: usize| {
+            let mut found = Neighbourhood::default();
+            springs(point, &mut |spring| {
+                let distance = (position[spring.to] - position[point]).amax();
+                let rows = spring.stiffness.as_flattened().iter();
+                found.reach = found.reach.max(distance);
+                found.springs += 1.0;
+                found.stiffness += rows.fold(0.0, |most, k| k.abs().max(most));
+            });
+            found
+        };
+        let neighbourhoods = (0..points.owned()).into_par_iter().map(neighbourhood);
+        let neighbourhoods: Vec<Neighbourhood> = neighbourhoods.collect();
+        // points without springs, such as those whose material is not deposited yet, have no neighbourhood
+        let reaches = neighbourhoods.iter().map(|n| n.reach);
+        let reaches = reaches.filter(|reach| *reach > 0.0);
+        let longest = points.max(reaches.clone().fold(0.0, f64::max));
+        let stiffest = neighbourhoods.iter().map(|n| n.stiffness);
+        let stiffest = points.max(stiffest.fold(0.0, f64::max));
+        let [count] = points.sum_points(|point| [neighbourhoods[point].springs]);
+        let network = Network {
+            springs: count as usize,
+            shortest: points.min(reaches.fold(longest, f64::min)),
+            longest,
+        };
+        let layout = Layout::fitting(position, dimension, &network, points)?;
         let cell: Vec<[usize; 3]> = position.iter().map(|x| layout.cell_at(x)).collect();
         let weights = position.iter().zip(&cell);
         let mut grid = CoarseGrid {
@@ -193,6 +231,7 @@ impl CoarseGrid {
             members: vec![Vec::new(); layout.nodes],
             group: points.group_of_points(),
             terms: 0.0,
+            stiffest,
             layout,
         };
         for point in 0..points.owned() {

@@ -11,11 +11,13 @@ mod grid;
 #[cfg(test)]
 mod tests;
 
-use nalgebra::Vector3;
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use banded::{Banded, BandedSums};
-use grid::{CORNERS, CoarseGrid, Network};
+use grid::CORNERS;
+pub use grid::CoarseGrid;
 
 use crate::parallel::ParallelLoop;
 use crate::solver::Reducer;
@@ -64,63 +66,28 @@ impl Spring {
     }
 }
 
-/// The springs of a point.
-#[derive(Clone, Copy, Debug, Default)]
-struct Neighbourhood {
-    reach: f64,
-    springs: f64,
-    /// Sum of the largest entries of their stiffnesses.
-    stiffness: f64,
-}
-
 /// Displacements of the nodes of a coarse grid, and the factors of the stiffness between them.
 #[derive(Clone, Debug)]
 pub struct CoarseSpace {
-    grid: CoarseGrid,
+    grid: Arc<CoarseGrid>,
     factor: Banded,
 }
 
 impl CoarseSpace {
-    /// The space for `points` at `position` (m) with the `springs` of each, whose stiffness is that of the
-    /// system to be solved. `free` is zero for held components, else one. `None` for bodies of few cells.
+    /// The space on a grid for springs whose stiffness is that of the system to be solved: the `springs` of each point of the grid, between the points and
+    /// with the signs for which it was made, and none more than `times` as stiff as there.
     ///
     /// Collective; the same in all processes that share the points, to the bit, and for any number of them: the stiffness of a cell is the
     /// sum over rows of points, those of a group, which add up exactly.
     pub fn new(
-        position: &[Vector3<f64>],
-        dimension: usize,
-        free: Vec<[f64; 3]>,
+        grid: Arc<CoarseGrid>,
+        times: f64,
         points: &Reducer,
         springs: impl Fn(usize, &mut dyn FnMut(Spring)) + Sync,
     ) -> Option<Self> {
-        let neighbourhood = |point: usize| {
-            let mut found = Neighbourhood::default();
-            springs(point, &mut |spring| {
-                let distance = (position[spring.to] - position[point]).amax();
-                let rows = spring.stiffness.as_flattened().iter();
-                found.reach = found.reach.max(distance);
-                found.springs += 1.0;
-                found.stiffness += rows.fold(0.0, |most, k| k.abs().max(most));
-            });
-            found
-        };
-        let neighbourhoods = (0..points.owned()).into_par_iter().map(neighbourhood);
-        let neighbourhoods: Vec<Neighbourhood> = neighbourhoods.collect();
-        // points without springs, such as those whose material is not deposited yet, have no neighbourhood
-        let reaches = neighbourhoods.iter().map(|n| n.reach);
-        let reaches = reaches.filter(|reach| *reach > 0.0);
-        let longest = points.max(reaches.clone().fold(0.0, f64::max));
-        let stiffest = neighbourhoods.iter().map(|n| n.stiffness);
-        let stiffest = points.max(stiffest.fold(0.0, f64::max));
-        let [count] = points.sum_points(|point| [neighbourhoods[point].springs]);
-        let network = Network {
-            springs: count as usize,
-            shortest: points.min(reaches.fold(longest, f64::min)),
-            longest,
-        };
-        let grid = CoarseGrid::new(position, dimension, &network, free, points)?;
         let (rows, band) = grid.size();
-        let fixed = grid.fixed_point(points.largest_group() * MOST_OF_SPRINGS * stiffest);
+        let most = points.largest_group() * MOST_OF_SPRINGS * grid.stiffest * times;
+        let fixed = grid.fixed_point(most);
         let mut sums = BandedSums::new(rows, band);
         for cells in grid.members.chunks(BATCH) {
             let blocks = cells.par_iter().map(|m| grid.stiffness(m, fixed, &springs));

@@ -1,3 +1,5 @@
+use nalgebra::Vector3;
+
 use super::*;
 use crate::solver::{Hints, Krylov, KrylovMethod, KrylovOptions, NullSpace, Reducer};
 
@@ -72,8 +74,9 @@ impl Beam {
             self.springs[point].iter().for_each(|s| receive(*s));
         };
         let points = Reducer::alone(self.position.len());
-        let space = CoarseSpace::new(&self.position, 3, self.free.clone(), &points, springs)
-            .expect("a long beam has many patches");
+        let grid = CoarseGrid::new(&self.position, 3, self.free.clone(), &points, springs);
+        let grid = grid.expect("a long beam has many patches");
+        let space = CoarseSpace::new(Arc::new(grid), 1.0, &points, springs).expect("positive");
         let modes = |m: usize| -> Vec<f64> {
             let axis = Vector3::ith_axis(m % 3).into_inner();
             let motion = |x: &Vector3<f64>| if m < 3 { axis } else { axis.cross(x) };
@@ -163,5 +166,5 @@ fn a_compact_body_has_no_coarse_space() {
     let beam = Beam::new([4, 4, 4], 1.0, |_| false);
     let none = |_: usize, _: &mut dyn FnMut(Spring)| {};
     let points = Reducer::alone(beam.position.len());
-    assert!(CoarseSpace::new(&beam.position, 3, beam.free, &points, none).is_none());
+    assert!(CoarseGrid::new(&beam.position, 3, beam.free, &points, none).is_none());
 }
