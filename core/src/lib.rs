@@ -14,9 +14,11 @@
 #![cfg_attr(not(test), warn(unused_crate_dependencies))]
 #![deny(unsafe_code)]
 
+pub mod arithmetic;
 mod axis;
 pub mod body;
 pub mod cell_list;
+pub mod device;
 pub mod error;
 mod explanation;
 pub mod family;
@@ -54,6 +56,7 @@ pub mod text;
 pub mod transport;
 pub mod world;
 
+pub use arithmetic::Number;
 pub use axis::Axis;
 pub use body::{Body, Cut, Face, Horizon, Region};
 pub use error::{Explanation, Problem, RunError, SetupError};

@@ -23,6 +23,8 @@ pub struct Cloud {
     /// Cells are extended by this many spacings to each side, since the cells of a table leave gaps.
     slack: f64,
     pub(super) list: CellList,
+    /// Of some points of a body: whether the cells of all fill its box.
+    pub(super) whole_fills_box: Option<bool>,
 }
 
 /// Random displacement of points.
@@ -56,13 +58,20 @@ impl Cloud {
             bounds,
             slack,
             list,
+            whole_fills_box: None,
         }
     }
 
     /// Some of the cells, between the same bounds.
-    pub(super) fn subset(&self, centre: Vec<Vector3<f64>>, spacing: &[f64]) -> Cloud {
+    pub(super) fn subset(
+        &self,
+        centre: Vec<Vector3<f64>>,
+        spacing: &[f64],
+        whole_fills_box: bool,
+    ) -> Cloud {
         Cloud {
             bounds: self.bounds,
+            whole_fills_box: Some(whole_fills_box),
             ..Cloud::new(centre, spacing, self.slack)
         }
     }

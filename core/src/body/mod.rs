@@ -388,7 +388,10 @@ impl Body {
         match &self.discretisation {
             Discretisation::Lattice(lattice) => lattice.is_full(),
             Discretisation::Layers(layers) => layers.plane().fills_box(),
-            Discretisation::Cloud(_) => {
+            Discretisation::Cloud(cloud) => {
+                if let Some(whole_fills_box) = cloud.whole_fills_box {
+                    return whole_fills_box;
+                }
                 let (min, max) = self.bounds();
                 let box_volume: f64 = (0..self.dimension).map(|a| max[a] - min[a]).product();
                 let volume: f64 = self.points.volume.iter().sum();

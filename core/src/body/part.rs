@@ -196,7 +196,8 @@ impl Body {
             }
             Discretisation::Cloud(cloud) => {
                 let spacing = of(&points.spacing, numbers);
-                Discretisation::Cloud(cloud.subset(of(cloud.centres(), numbers), &spacing))
+                let centres = of(cloud.centres(), numbers);
+                Discretisation::Cloud(cloud.subset(centres, &spacing, self.fills_box()))
             }
             // families of layers are those of their plane grid
             Discretisation::Layers(layers) => Discretisation::Layers(layers.clone()),

@@ -62,6 +62,11 @@ impl Blocks {
         &self.weights[number as usize * self.stencil..][..self.stencil]
     }
 
+    /// The weights of all patterns, one after the other: by bond, weights by lane, then duals.
+    pub(super) fn all_weights(&self) -> &[f64] {
+        self.weights.as_flattened().as_flattened()
+    }
+
     /// Replaces the weights of a pattern, or adds the next one.
     pub(super) fn set_pattern(&mut self, number: u32, weights: &[Weights]) {
         let first = number as usize * self.stencil;

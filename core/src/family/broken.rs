@@ -129,12 +129,21 @@ impl Bits<'_> {
 impl Family {
     /// No bond broken.
     pub fn unbroken(&self) -> BrokenBonds {
+        self.unbroken_of(self.most_bonds())
+    }
+
+    /// No bond broken, with room for this number of bonds of each point: the largest one of all processes has rows of the same length in each of them.
+    pub fn unbroken_of(&self, bonds: usize) -> BrokenBonds {
+        BrokenBonds::of_part([self.points, self.of_body], bonds)
+    }
+
+    /// The number of bonds of a point at most.
+    pub fn most_bonds(&self) -> usize {
         let stencil = self.store.stencil_bonds().map(|b| b.stencil.bonds.len());
         let rows = self.store.rows().map_or(&[][..], |rows| &rows.start);
         let longest = rows.windows(2).map(|s| s[1] - s[0]).max();
         // blocks count as the stencil does
-        let bonds = stencil.or(longest).unwrap_or(0);
-        BrokenBonds::of_part([self.points, self.of_body], bonds)
+        stencil.or(longest).unwrap_or(0)
     }
 
     /// Breaks the bonds that `points` have with each other and with each other's images; `point_in`
@@ -153,13 +162,11 @@ impl Family {
         }
     }
 
-    /// Breaks the bond of a remote point with the point of the family in a slot, if there is one.
-    ///
-    /// # Panics
-    /// Where bonds are not those of a stencil.
+    /// Breaks the bond of a remote point with the point of the family in a slot, if there is one. Sums that visit the bonds of a lattice from one end need
+    /// it; in a cloud remote points have no bonds.
     pub fn break_remote(&self, remote: usize, slot: usize, broken: &mut BrokenBonds) {
-        let bonds = self.store.stencil_bonds().expect("parts have a stencil");
-        let Some(at) = self.slot_of_remote(remote) else {
+        let (Some(bonds), Some(at)) = (self.store.stencil_bonds(), self.slot_of_remote(remote))
+        else {
             return;
         };
         let stencil = bonds.stencil.bonds.iter();
@@ -169,14 +176,21 @@ impl Family {
         }
     }
 
-    /// The points of the family in reach of the remote one in a slot.
-    ///
-    /// # Panics
-    /// Where bonds are not those of a stencil.
-    pub fn owned_around(&self, slot: usize) -> impl Iterator<Item = usize> {
-        let bonds = self.store.stencil_bonds().expect("parts have a stencil");
-        let stencil = bonds.stencil.bonds.iter();
-        stencil.filter_map(move |bond| self.point_in(slot.wrapping_add_signed(bond.offset)))
+    /// The points of the family that have bonds with remote ones.
+    pub fn points_beside_remote(&self) -> Vec<u32> {
+        let mut is_remote = vec![false; self.slots.len];
+        for (slot, _) in &self.slots.remote {
+            is_remote[*slot as usize] = true;
+        }
+        let reaches = |point: &u32| {
+            let mut any = false;
+            self.for_each_bond(*point as usize, |_, _, slot| any |= is_remote[slot]);
+            any
+        };
+        match self.slots.remote.is_empty() {
+            true => Vec::new(),
+            false => (0..self.points as u32).filter(reaches).collect(),
+        }
     }
 
     /// The point in a slot, owned or remote; `None` for layer points and empty slots.
@@ -188,7 +202,7 @@ impl Family {
         })
     }
 
-    /// The slot of a remote point of a lattice, if bonds reach it.
+    /// The slot of a remote point, if bonds reach it.
     fn slot_of_remote(&self, point: usize) -> Option<usize> {
         let remote = &self.slots.remote;
         let place = remote.binary_search_by_key(&point, |(_, point)| *point as usize);

@@ -47,6 +47,7 @@ mod slot_field;
 mod slots;
 mod spec;
 mod store;
+mod tables;
 
 pub use broken::BrokenBonds;
 pub use foreign::{ForeignBond, ForeignBonds, ForeignGhost, Places};
@@ -60,6 +61,7 @@ pub use of_bonds::PointBond;
 pub use operator::Operator;
 pub use slot_field::{PointValues, SlotField};
 pub use spec::{Correction, FamilyError, FamilySpec, PartialVolume};
+pub use tables::LatticeTables;
 
 pub(crate) use gaps::warnings;
 pub(crate) use moving::skin;

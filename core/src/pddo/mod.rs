@@ -174,7 +174,8 @@ impl Pddo {
         if !(1..=4).contains(&order) {
             return Err(PddoError::Order(order));
         }
-        let points = 0..body.points.len() as u32;
+        // points of other processes have no bonds here, and derivatives of zero
+        let points = 0..family.points() as u32;
         let shares = |p: &u32| family.shares_stencil(*p as usize);
         let shared = points.clone().find(shares);
         let own = points.filter(|p| !shares(p));

@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde::de::{DeserializeOwned, Error};
 
 use super::{BodyIndex, World};
-use crate::body::{Horizon, Part, partition};
+use crate::body::{Discretisation, Horizon, Part, partition};
 use crate::error::SetupError;
 use crate::field::{FieldIndex, Write};
 use crate::point_rows::PointRows;
@@ -109,12 +109,16 @@ impl World {
             return Ok(());
         }
         let whole = &self.bodies[body];
-        if whole.lattice().is_none() {
+        if let Discretisation::Layers(_) = whole.discretisation {
             let name = &whole.name;
-            let message =
-                format!("body `{name}` has no lattice, which several processes could share");
-            let expected =
-                "a body with `spacing`, without `zones`, `jitter` or `points`, or one process";
+            let message = format!("several processes do not share the layers of body `{name}`");
+            let expected = "a body without `layup`, or one process";
+            return Err(SetupError::value("", message, expected));
+        }
+        if whole.coarsest_spacing() != whole.finest_spacing() {
+            let name = &whole.name;
+            let message = format!("points of body `{name}` have several spacings");
+            let expected = "a body of one spacing, or one process";
             return Err(SetupError::value("", message, expected));
         }
         let Some(owner) = partition::owners(whole, processes) else {

@@ -115,8 +115,10 @@ impl Coupler for GrowingCrack {
             let message = "a crack that grows is a line in a 2D body";
             return Err(SetupError::value("body", message, "a 2D body"));
         }
-        let crossings = self.crossings(setup.body(body));
-        if crossings.is_empty() {
+        let mut crossings = self.crossings(setup.body(body));
+        let reducer = setup.world().reducer(body);
+        crossings.retain(|(_, pair)| pair.iter().any(|p| (*p as usize) < reducer.owned()));
+        if !reducer.any(!crossings.is_empty()) {
             let message = "no bond crosses the crack";
             return Err(SetupError::value(
                 "from",
@@ -172,7 +174,7 @@ impl RunningCoupler for RunningGrowingCrack {
     }
 }
 
-perimelt_core::register_coupler!("growing_crack", GrowingCrack);
+perimelt_core::register_coupler!("growing_crack", GrowingCrack, supports: [Division]);
 
 #[cfg(test)]
 mod tests {

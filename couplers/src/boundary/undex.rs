@@ -71,6 +71,7 @@ flattened! {
 
 /// A wave that is ready to act.
 struct RunningUndex {
+    body: BodyIndex,
     cells: Vec<SurfaceCell>,
     incident: Placed,
     water: Water,
@@ -147,6 +148,7 @@ impl Coupler for Undex {
             cavitation: self.cavitation,
         };
         Ok(Box::new(RunningUndex {
+            body,
             incident: setup.placed(body, given, centres)?,
             stable_step: stable_step(setup, body, &cells, water.impedance)?,
             water,
@@ -173,14 +175,14 @@ impl RunningCoupler for RunningUndex {
             -cell.face.normal() * (pressure * cell.face_area)
         };
         self.force = self.surface.add(world, &self.cells, force_on);
-        if self.cavitation_start.is_none() && cavitates {
+        if self.cavitation_start.is_none() && world.reducer(self.body).any(cavitates) {
             self.cavitation_start = Some(time);
         }
         Ok(())
     }
 
-    fn stable_step(&mut self, _world: &World) -> Option<f64> {
-        Some(self.stable_step)
+    fn stable_step(&mut self, world: &World) -> Option<f64> {
+        Some(world.reducer(self.body).min(self.stable_step))
     }
 
     fn step_limits(&self, time: f64) -> StepLimits {
@@ -209,7 +211,7 @@ impl RunningCoupler for RunningUndex {
     }
 }
 
-perimelt_core::register_coupler!("undex", Undex, supports: [Births, Cuts, Layers]);
+perimelt_core::register_coupler!("undex", Undex, supports: [Births, Cuts, Layers, Division]);
 
 #[cfg(test)]
 mod tests {

@@ -52,6 +52,8 @@ struct RunningImpactor {
     stiffness: Vec<f64>,
     /// Positions of the points at the end of the step, m.
     position: Vec<Vector3<f64>>,
+    /// Force on each point, N.
+    push: Vec<Vector3<f64>>,
     ball: Ball,
     /// Force on the ball, N.
     force: Vector3<f64>,
@@ -86,7 +88,8 @@ impl Coupler for Impactor {
         let (dimension, position) = (this.dimension, this.points.position.clone());
         let mut centre = Vector3::from(self.centre);
         (dimension..3).for_each(|axis| centre[axis] = position[0][axis]);
-        if position.iter().any(|x| (x - centre).norm() < self.radius) {
+        let is_inside = position.iter().any(|x| (x - centre).norm() < self.radius);
+        if setup.world().reducer(body).any(is_inside) {
             let message = "the ball starts inside the body";
             return Err(SetupError::value(
                 "centre",
@@ -102,6 +105,7 @@ impl Coupler for Impactor {
             velocity: setup.read(body, &keys::VELOCITY)?,
             body_force: setup.add(body, &keys::BODY_FORCE)?,
             stiffness: stiffness(setup, body, self.stiffness)?,
+            push: vec![Vector3::zeros(); position.len()],
             position,
             ball: Ball {
                 centre,
@@ -117,18 +121,26 @@ impl RunningCoupler for RunningImpactor {
         let points = &world.body(self.body).points;
         self.extrapolate(world, step.size);
         self.ball.centre += step.size * self.ball.velocity;
-        self.force = Vector3::zeros();
         let mut body_force = world.write(self.body_force);
-        for (i, (y, sum)) in self.position.iter().zip(body_force.iter_mut()).enumerate() {
-            let out = y - self.ball.centre;
+        let (radius, centre, stiffness) = (self.radius, self.ball.centre, &self.stiffness);
+        let all = self.position.par_iter().zip(&mut body_force[..]);
+        let all = all.zip(&mut self.push).enumerate().with_min_len(4096);
+        all.for_all(|(i, ((y, sum), push))| {
+            let out = y - centre;
             let distance = out.norm();
-            if distance < self.radius && distance > 0.0 {
-                let depth = self.radius - distance;
-                let force = out * (self.stiffness[i] * points.volume[i] * depth / distance);
+            *push = Vector3::zeros();
+            if distance < radius && distance > 0.0 {
+                let volume = points.volume[i];
+                let force = out * (stiffness[i] * volume * (radius - distance) / distance);
                 *sum += force;
-                self.force -= force * points.volume[i];
+                *push = force * volume;
             }
-        }
+        });
+        let push = &self.push;
+        let on_body = world
+            .reducer(self.body)
+            .sum_points(|point| push[point].into());
+        self.force = -Vector3::from(on_body);
         if let Some(mass) = self.mass {
             self.ball.velocity += self.force * (step.size / mass);
         }
@@ -158,7 +170,7 @@ impl RunningCoupler for RunningImpactor {
     }
 }
 
-perimelt_core::register_coupler!("impactor", Impactor, supports: [Motion]);
+perimelt_core::register_coupler!("impactor", Impactor, supports: [Motion, Division]);
 
 #[cfg(test)]
 mod tests {

@@ -61,7 +61,7 @@ fn damaged(
     }
     let state = FractureState {
         broken: vec![broken],
-        ..FractureState::intact(solid.base().family(), position.len())
+        ..FractureState::intact(solid.base().family().unbroken(), position.len())
     };
     solid.replace_fracture_state(state).expect("it breaks");
     solid

@@ -22,6 +22,8 @@
 
 mod state;
 
+use std::sync::OnceLock;
+
 use perimelt_core::family::BrokenBonds;
 use perimelt_core::material::Property;
 use perimelt_core::solver::Reducer;
@@ -121,6 +123,8 @@ pub struct Fracture {
     pub excess: Vec<f64>,
     /// Broken bonds.
     pub state: FractureState,
+    /// The points with bonds to those of other processes, found when they are needed first.
+    beside_remote: OnceLock<Vec<u32>>,
 }
 
 /// Bonds that broke in one evaluation.
@@ -216,6 +220,9 @@ impl Fracture {
         });
         let strength = strength.collect::<Result<Vec<_>, _>>()?;
         let points = this.points.len();
+        let reducer = setup.world().reducer(body);
+        // rows of bits have the same length in all processes
+        let most_bonds = reducer.max(family.most_bonds() as f64) as usize;
         let unbreakable = section.unbreakable(setup, body)?;
         let spec = family.spec();
         let moment = |power| spec.influence.radial_moment(power);
@@ -233,7 +240,8 @@ impl Fracture {
             },
             critical: vec![f64::INFINITY; points],
             excess: vec![0.0; points],
-            state: FractureState::intact(family, points),
+            state: FractureState::intact(family.unbroken_of(most_bonds), points),
+            beside_remote: OnceLock::new(),
         })
     }
 
@@ -369,18 +377,21 @@ impl Fracture {
         };
         let own = (0..family.points()).filter(exceeds);
         breakable.find_exceeding(own, ratio, &mut exceeding);
-        for &(slot, remote) in family.remote() {
-            if exceeds(&(remote as usize)) {
-                let others = family.owned_around(slot as usize);
-                let others = others.filter(|point| !exceeds(point));
-                let ratio = |point: usize, number: usize, bond: &Bond, other: usize| match other
-                    == slot as usize
-                {
-                    true => ratio(point, number, bond, other),
-                    false => 0.0,
-                };
-                breakable.find_exceeding(others, ratio, &mut exceeding);
-            }
+        let remote = family.remote().iter();
+        let remote = remote.filter(|(_, point)| exceeds(&(*point as usize)));
+        let mut remote: Vec<usize> = remote.map(|(slot, _)| *slot as usize).collect();
+        remote.sort_unstable();
+        if !remote.is_empty() {
+            let beside = (self.beside_remote).get_or_init(|| family.points_beside_remote());
+            let others = beside.iter().map(|point| *point as usize);
+            let others = others.filter(|point| !exceeds(point));
+            let ratio = |point: usize, number: usize, bond: &Bond, other: usize| match remote
+                .binary_search(&other)
+            {
+                Ok(_) => ratio(point, number, bond, other),
+                Err(_) => 0.0,
+            };
+            breakable.find_exceeding(others, ratio, &mut exceeding);
         }
         Exceeding::keep_largest(&mut exceeding, fraction, points);
         let FractureState { broken, frozen, .. } = &mut self.state;

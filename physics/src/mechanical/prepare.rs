@@ -98,7 +98,7 @@ pub(super) fn run(
             .collect(),
         node_density,
         density,
-        relative_volume: relative_volumes(setup.body(body)),
+        relative_volume: relative_volumes(setup, body),
         statics,
         eigenstrain_size: 0.0,
         scratch: Default::default(),
@@ -250,13 +250,14 @@ fn load_present(solid: &mut dyn Solid, world: &World, body: BodyIndex) {
 }
 
 /// Volume over mean volume of each component, if points differ; else empty.
-fn relative_volumes(body: &Body) -> Vec<f64> {
-    let volume = &body.points.volume;
-    let mean = volume.iter().sum::<f64>() / volume.len() as f64;
-    match body.lattice() {
-        Some(_) => Vec::new(),
-        None => volume.iter().flat_map(|v| [v / mean; 3]).collect(),
+fn relative_volumes(setup: &Setup<'_>, body: BodyIndex) -> Vec<f64> {
+    let volume = &setup.body(body).points.volume;
+    if setup.body(body).lattice().is_some() {
+        return Vec::new();
     }
+    let reducer = setup.world().reducer(body);
+    let [sum, count] = reducer.sum_points(|point| [volume[point], 1.0]);
+    volume.iter().flat_map(|v| [v * count / sum; 3]).collect()
 }
 
 /// The bonds of the body.

@@ -23,11 +23,14 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use perimelt_core::body::Layers;
+use perimelt_core::device::DeviceKernel;
 use perimelt_core::family::LayerRule;
 use perimelt_core::material::{EnthalpyCurve, HeatPotential, Property};
-use perimelt_core::solver::ExactSum;
 use perimelt_core::solver::reduce::max_abs;
-use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Derivatives, Family, Pddo, SlotField};
+use perimelt_core::solver::{ExactSum, Reducer};
+use perimelt_core::{
+    Body, Bond, BondKernel, BrokenBonds, Derivatives, Family, Number, Pddo, SlotField,
+};
 use rayon::prelude::*;
 
 use super::conductivity::Directions;
@@ -114,7 +117,7 @@ enum BondConductivity {
 /// Kernels with their fields by slot: temperatures (K) or potentials (W/m); temperatures and conductivities (W/(m K)); both
 /// with distances from interfaces (m); all of these with materials; the state of the ordinary form.
 enum KernelInputs<'a> {
-    One(Uniform, [&'a [f64]; 1]),
+    One(BondConduction, [&'a [f64]; 1]),
     Series([&'a [f64]; 2]),
     Across([&'a [f64]; 3]),
     Mixed([&'a [f64]; 5]),
@@ -131,24 +134,35 @@ pub(super) struct Matter<'a> {
     pub(super) rules: &'a [LayerRule],
     pub(super) material: &'a [u16],
     pub(super) curves: &'a [EnthalpyCurve],
+    pub(super) points: &'a Reducer,
 }
 
 /// Conduction with one conductivity, W/(m K), or by a potential (W/m) with a conductivity of one; the
 /// micro-conductivity is `2 k / M`, and weights of bonds hold the `1 / M`.
-struct Uniform {
-    conductivity: f64,
+#[derive(Clone, Copy, Debug)]
+pub struct BondConduction {
+    /// W/(m K).
+    pub conductivity: f64,
 }
 
-impl BondKernel<1, 1> for Uniform {
+impl BondKernel<1, 1> for BondConduction {
     #[inline(always)]
-    fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
-        [2.0 * self.conductivity * bond.mean() * bond.inverse_length * (other - own)]
+    fn bond(&self, bond: &Bond, own: [f64; 1], other: [f64; 1]) -> [f64; 1] {
+        self.bond_of(bond, own, other)
+    }
+}
+
+impl DeviceKernel<1, 1> for BondConduction {
+    #[inline(always)]
+    fn bond_of<N: Number>(&self, bond: &Bond<N>, [own]: [N; 1], [other]: [N; 1]) -> [N; 1] {
+        let over_difference = bond.mean() * (2.0 * self.conductivity) * bond.inverse_length;
+        [over_difference * (other - own)]
     }
 }
 
 /// Heat that a bond carries to its point, over conductivity and difference of temperatures, 1/m².
 pub(super) fn coefficient(bond: &Bond) -> f64 {
-    let [heat] = Uniform { conductivity: 1.0 }.bond(bond, [0.0], [1.0]);
+    let [heat] = BondConduction { conductivity: 1.0 }.bond(bond, [0.0], [1.0]);
     heat
 }
 
@@ -307,17 +321,13 @@ impl Conduction {
         family: &Family,
         points: MaterialPoints<'_>,
         changed: Option<&[u32]>,
+        reducer: &Reducer,
     ) {
         match (&mut self.interfaces, changed) {
             (Some(interfaces), Some(changed)) => interfaces.find_some(family, points, changed),
-            (Some(interfaces), None) => interfaces.find(family, points),
+            (Some(interfaces), None) => interfaces.find(family, points, reducer),
             (None, _) => {}
         }
-    }
-
-    /// Whether the heat flow of each bond depends on temperatures and materials at its two ends only.
-    pub(super) fn is_local(&self) -> bool {
-        self.is_by_bonds() && self.interfaces.is_none() && self.plies.is_none()
     }
 
     /// Whether the heat flow of each bond depends on the states of its two ends only.
@@ -382,10 +392,10 @@ impl Conduction {
         match self.loaded {
             BondConductivity::Uniform => {
                 let conductivity = self.calibration * self.uniform.unwrap_or_default();
-                KernelInputs::One(Uniform { conductivity }, [temperature])
+                KernelInputs::One(BondConduction { conductivity }, [temperature])
             }
             BondConductivity::Potential => {
-                KernelInputs::One(Uniform { conductivity: 1.0 }, [potential])
+                KernelInputs::One(BondConduction { conductivity: 1.0 }, [potential])
             }
             BondConductivity::Ends => KernelInputs::Series([temperature, conductivity]),
             BondConductivity::Across => KernelInputs::Across([temperature, conductivity, distance]),

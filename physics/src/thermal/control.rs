@@ -210,7 +210,7 @@ fn measure(
         highest: a.highest.max(b.highest),
         error: a.error.max(b.error),
     };
-    let (matter, reducer) = (&flow.matter, &flow.reducer);
+    let (matter, reducer) = (&flow.matter, flow.matter.points);
     let own = &matter.material[..reducer.owned()];
     let points = own.par_iter().enumerate().with_min_len(4096);
     let of_point = |(point, &m): (usize, &u16)| {

@@ -184,7 +184,7 @@ impl Fields<'_> {
     ) -> Result<Work, SolverError> {
         let surface = flow.surface.as_ref();
         let is_linear = surface.is_none_or(|surface| surface.is_linear());
-        let points = flow.reducer.clone();
+        let points = flow.matter.points.clone();
         newton.options.linear = !points.any(!(is_linear && flow.conduction.is_linear()));
         flow.evaluate(&vec![0.0; self.temperature.len()]);
         let mut loads: Vec<f64> = bytemuck::cast_slice(&flow.conduction.rate).to_vec();
@@ -307,11 +307,13 @@ impl RunningThermal {
         let family = world.family(self.family);
         let ratios = self.volume_ratios(world);
         let configuration = ratios.as_ref().map(|_| world.configuration(self.body));
+        let reducer = world.reducer(self.body);
         let matter = Matter {
             family: &family,
             rules: &rules,
             material: &body.material_of_point,
             curves: &self.curves,
+            points: &reducer,
         };
         if let Some(carried) = &mut self.carried {
             carried.start(world, body, &matter, &self.conduction, &heat_state);
@@ -331,7 +333,6 @@ impl RunningThermal {
         // heat sources act on the points of a coarse body that the window does not cover
         let uncovered = self.refined.as_ref().and_then(Refined::uncovered);
         let flow = HeatFlow {
-            reducer: world.reducer(self.body),
             conduction: &mut self.conduction,
             matter,
             volume: uncovered.as_deref().unwrap_or(&body.points.volume),

@@ -17,6 +17,7 @@
 
 use perimelt_core::family::Mirrored;
 use perimelt_core::parallel::ParallelLoop;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
@@ -108,11 +109,12 @@ impl Interfaces {
     }
 
     /// Finds the distances of all points.
-    pub(super) fn find(&mut self, family: &Family, points: MaterialPoints<'_>) {
+    pub(super) fn find(&mut self, family: &Family, points: MaterialPoints<'_>, reducer: &Reducer) {
         let point_in = family.points_of_slots();
         let at = |slot: usize| point_in.get(slot).map(|p| *p as usize);
         let all = self.distance.par_iter_mut().enumerate();
         all.for_all(|(point, d)| *d = distance(family, points, point, at));
+        reducer.bring(&mut self.distance);
     }
 
     /// Finds the distances of the `changed` points of a growing family.

@@ -84,6 +84,7 @@ mod surface_tests;
 mod tests;
 
 pub use crate::advection::Convection;
+pub use conduction::BondConduction;
 pub use keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
 
 use perimelt_core::body::Horizon;

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use perimelt_core::Change;
 use perimelt_core::material::{Directional, Property};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
@@ -129,7 +128,6 @@ impl RunningThermal {
             fluids.check(&curves)?;
             conduction.set_fluids(fluids, &curves);
         }
-        thermal.refuse_division(setup, body, &conduction)?;
         let refined = Refined::prepare(setup, &domain, family)?;
         let growth = is_growing
             .then(|| Growth::prepare(setup, body))
@@ -246,22 +244,6 @@ impl Thermal {
             Description::Eulerian => usual_horizon(description, body),
             _ => Horizon::Spacings(3.0),
         })
-    }
-
-    /// Refuses what processes cannot share yet.
-    fn refuse_division(
-        &self,
-        setup: &mut Setup<'_>,
-        body: BodyIndex,
-        conduction: &Conduction,
-    ) -> Result<(), SetupError> {
-        if conduction.is_local() {
-            return Ok(());
-        }
-        let message = "several processes share conduction by bonds within one material only";
-        let expected = "`form = \"bonds\"` and one material, or one process";
-        let error = SetupError::value("form", message, expected);
-        setup.refuse(body, Change::Division, error)
     }
 
     /// The field of powder and dense material, where the body has powder, whose conductivity is added to `conduction`.

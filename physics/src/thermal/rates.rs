@@ -48,7 +48,6 @@ struct Linearisation {
 
 /// The heat flow of a body during a step.
 pub(super) struct HeatFlow<'a> {
-    pub(super) reducer: Reducer,
     pub(super) conduction: &'a mut Conduction,
     pub(super) matter: Matter<'a>,
     /// Reference volumes, to which enthalpies and sources refer, m³.
@@ -138,7 +137,7 @@ impl HeatFlow<'_> {
         self.conduction.flow(&self.matter);
         let volume = self.current.as_ref().map_or(self.volume, |c| c.volume);
         let mut power = self.conduction.inflow(self.matter.family, volume);
-        let owned = self.reducer.owned();
+        let owned = self.matter.points.owned();
         let rate = &mut self.conduction.rate;
         if let Some(CurrentVolumes { ratio, .. }) = self.current {
             let points = rate.par_iter_mut().zip(ratio).with_min_len(4096);
@@ -165,7 +164,7 @@ impl HeatFlow<'_> {
         }
         let is_change = matches!(through, HeatSum::Change { .. });
         if let Some(source) = self.source.filter(|_| !is_change) {
-            power.merge(&(self.reducer).own_sum_of([source, self.volume], |[q, v]| q * v));
+            power.merge(&(self.matter.points).own_sum_of([source, self.volume], |[q, v]| q * v));
             rate.par_iter_mut()
                 .zip(source)
                 .with_min_len(4096)
@@ -185,7 +184,7 @@ impl HeatFlow<'_> {
                 }
             }
         }
-        self.reducer.total(power)
+        self.matter.points.total(power)
     }
 }
 
@@ -239,7 +238,7 @@ impl Rhs for EnthalpyRate<'_> {
     }
 
     fn points(&self) -> Reducer {
-        self.0.reducer.clone()
+        self.0.matter.points.clone()
     }
 
     /// Temperatures, extended by the molten fraction of materials that melt at one temperature.
@@ -266,13 +265,10 @@ impl Rhs for EnthalpyRate<'_> {
 
     fn rounding(&self, at: At<'_>) -> f64 {
         let HeatFlow {
-            reducer,
-            matter,
-            row_sums,
-            ..
+            matter, row_sums, ..
         } = &self.0;
         let curve = |i: usize| &matter.curves[matter.material[i] as usize];
-        rounding(reducer, row_sums, None, |i| {
+        rounding(matter.points, row_sums, None, |i| {
             curve(i).temperature(at.state[i])
         })
     }
@@ -306,7 +302,7 @@ impl Rhs for EnthalpyRate<'_> {
                 self.rate(at.time, at.state, &mut base.rate)?;
             }
             let flow = &mut self.0;
-            let reducer = &flow.reducer;
+            let reducer = flow.matter.points;
             let size = reducer.norm(&base.temperature);
             let e = f64::EPSILON.sqrt() * size / reducer.norm(&base.change);
             let moved = base.change.par_iter_mut().zip(&base.temperature);
@@ -353,7 +349,7 @@ impl EnthalpyRate<'_> {
     fn linearise(&mut self, at: At<'_>) -> Linearisation {
         let flow = &mut self.0;
         let mut base = std::mem::take(&mut flow.vectors.base);
-        if (flow.reducer).any(!are_equal(&base.state, at.state)) {
+        if (flow.matter.points).any(!are_equal(&base.state, at.state)) {
             base.state.clear();
             base.state.extend_from_slice(at.state);
             base.rate.clear();
@@ -386,9 +382,9 @@ impl Rhs for TemperatureRate<'_> {
 
     fn rounding(&self, at: At<'_>) -> f64 {
         let HeatFlow {
-            reducer, row_sums, ..
+            matter, row_sums, ..
         } = &self.flow;
-        rounding(reducer, row_sums, self.weights, |i| at.state[i])
+        rounding(matter.points, row_sums, self.weights, |i| at.state[i])
     }
 
     fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
@@ -410,6 +406,6 @@ impl Rhs for TemperatureRate<'_> {
     }
 
     fn points(&self) -> Reducer {
-        self.flow.reducer.clone()
+        self.flow.matter.points.clone()
     }
 }

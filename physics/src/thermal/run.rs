@@ -197,7 +197,8 @@ impl RunningThermal {
         if self.moves {
             let points = self.points(world);
             let family = world.family(self.family);
-            self.conduction.find_interfaces(&family, points, None);
+            let reducer = world.reducer(self.body);
+            (self.conduction).find_interfaces(&family, points, None, &reducer);
         }
     }
 
@@ -213,6 +214,7 @@ impl RunningThermal {
     fn find_row_sums(&mut self, world: &World) {
         let points = self.points(world);
         let material = points.material;
+        let reducer = world.reducer(self.body);
         if let Some(growth) = &mut self.growth {
             let family = world.family(self.family);
             let is_next = growth.row_sums_of.map(|v| v + 1) == Some(family.version());
@@ -220,7 +222,7 @@ impl RunningThermal {
                 return;
             }
             let changed = is_next.then(|| family.recalibrated());
-            self.conduction.find_interfaces(&family, points, changed);
+            (self.conduction).find_interfaces(&family, points, changed, &reducer);
             let (conduction, sums) = (&self.conduction, self.integrator.row_sums_mut());
             let find = |&point: &u32| conduction.row_sum(&family, material, point as usize);
             if is_next {
@@ -241,8 +243,8 @@ impl RunningThermal {
             return;
         }
         let family = world.family(self.family);
-        self.conduction.find_interfaces(&family, points, None);
-        let mut row_sums = self.conduction.largest_row_sums(&family, material);
+        (self.conduction).find_interfaces(&family, points, None, &reducer);
+        let mut row_sums = (self.conduction).largest_row_sums(&family, material, &reducer);
         if let Some(ratios) = self.volume_ratios(world) {
             let sums = row_sums.iter_mut().zip(ratios);
             sums.for_each(|([sum], ratio)| *sum *= ratio);
@@ -402,6 +404,7 @@ impl RunningThermal {
             rules: &rules,
             material: &body.material_of_point,
             curves: &self.curves,
+            points: &reducer,
         };
         self.conduction.load(&matter, &temperature);
         let inflow = (self.conduction).inflow(&family, &self.heated_volumes(world));

@@ -25,6 +25,7 @@
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::{ByRules, LayerRule};
 use perimelt_core::parallel::ParallelLoop;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Family, SlotField};
 use rayon::prelude::*;
 
@@ -139,14 +140,20 @@ impl OrdinaryState {
     }
 
     /// Largest ratio of the potential of a point to the potential of its bonds, by which the stable step is divided.
-    pub(super) fn stiffness(&mut self, family: &Family, broken: Option<&BrokenBonds>) -> f64 {
+    pub(super) fn stiffness(
+        &mut self,
+        family: &Family,
+        broken: Option<&BrokenBonds>,
+        points: &Reducer,
+    ) -> f64 {
         self.find_moments(family, broken);
         let s = self.stabilisation;
         let of = |inverse: &Option<Matrix3<f64>>| match inverse {
             Some(inverse) => s + excess(inverse, s).symmetric_eigenvalues().max().max(0.0),
             None => s,
         };
-        self.inverse.par_iter().map(of).reduce(|| s, f64::max)
+        let own = self.inverse[..points.owned()].par_iter();
+        points.max(own.map(of).reduce(|| s, f64::max))
     }
 
     /// Finds `p` from temperatures by slot (K) and conductivities of the points.
@@ -181,6 +188,7 @@ impl OrdinaryState {
                 };
                 *state = found.into();
             });
+        matter.points.bring(self.state.as_flattened_mut());
         let rules = self.turned(family, matter.rules);
         for (component, slots) in self.slots.iter_mut().enumerate() {
             let state = |point: usize| self.state[point][component];

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use divan::Bencher;
 use perimelt::case::Case;
-use perimelt_core::Simulation;
+use perimelt_core::{Number, Simulation};
 use perimelt_physics::mechanical::stretch::{BondConstants, BondLaw};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,7 @@ struct Twin {}
 
 impl BondLaw for Twin {
     #[inline(always)]
-    fn force(&self, _: &BondConstants, stretch: f64) -> f64 {
+    fn force<N: Number>(&self, _: &BondConstants, stretch: N) -> N {
         stretch
     }
 

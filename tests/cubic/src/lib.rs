@@ -1,7 +1,7 @@
 //! Bonds with the force `c (s + b s^3)` at the stretch s: a law of elasticity of a crate of its own, `law.cubic`.
 use perimelt_core::law::Constant;
 use perimelt_core::material::ValueRange;
-use perimelt_core::register_property;
+use perimelt_core::{Number, register_property};
 use perimelt_physics::mechanical::stretch::{BondConstants, BondLaw};
 use perimelt_physics::register_bond_law;
 use schemars::JsonSchema;
@@ -21,8 +21,8 @@ impl BondLaw for Cubic {
     const CONSTANTS: &'static [Constant] = &[Constant::required("cubic_stiffness")];
 
     #[inline(always)]
-    fn force(&self, [b, ..]: &BondConstants, s: f64) -> f64 {
-        s * (1.0 + b * s * s)
+    fn force<N: Number>(&self, [b, ..]: &BondConstants, s: N) -> N {
+        s * (s * *b * s + 1.0)
     }
 
     #[inline(always)]

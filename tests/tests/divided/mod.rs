@@ -330,3 +330,111 @@ pub fn free() -> String {
     let (_, time) = rest.split_once("[time]").expect("times");
     format!("{start}[time]{time}")
 }
+
+/// The plate of the weld without a hole and without an arc.
+pub fn cooled() -> String {
+    let text = WELD.replace("spacing = 5e-4", "spacing = 1e-3");
+    let (start, rest) = text
+        .split_once("[[couplers]]\ntype = \"goldak\"")
+        .expect("an arc");
+    let (_, rest) = rest.split_once("[[couplers]]").expect("boundaries");
+    without_hole(&format!("{start}[[couplers]]{rest}")).replace("HORIZON", "1")
+}
+
+/// A plate of the size of that of the weld.
+fn without_hole(text: &str) -> String {
+    let hole = text.lines().find(|line| line.contains("cylinder"));
+    let plate = "shape.box = { min = [0, 0, 0], max = [0.024, 0.02, 0.008] }";
+    text.replace(hole.expect("a shape"), plate)
+}
+
+/// A plate of a weld without a hole, whose end is of another metal with a conductivity of its own.
+pub fn dissimilar(text: &str, conductivity: &str) -> String {
+    let text = without_hole(text);
+    let metal = format!(
+        "[materials.tin]\ndensity = 7300\nspecific_heat = 300\nconductivity = {conductivity}\nemissivity = 0.3\n\n[[physics]]"
+    );
+    let parts = "material = \"S355\"\nmaterials = { end = \"tin\" }\nregions.end.box = { min = [0.012, 0, 0], max = [1, 1, 1] }";
+    (text.replace("material = \"S355\"", parts)).replacen("[[physics]]", &metal, 1)
+}
+
+/// A bracket whose points are displaced at random.
+pub fn jittered(text: &str) -> String {
+    let text = text.replace("horizon = 1\n", "horizon = 1.6\n");
+    text.replace(
+        "spacing = 1e-3",
+        "spacing = 1.2e-3\njitter = { amplitude = 0.15, seed = 3 }",
+    )
+}
+
+/// The torn bracket, which a ball and a shock wave in water strike.
+pub fn struck() -> String {
+    let loads = r#"[[couplers]]
+type = "impactor"
+centre = [0.012, 0.009, 0.0105]
+radius = 0.003
+velocity = [0, 0, -500]
+mass = 1e-3
+
+[[couplers]]
+type = "undex"
+faces = ["x+"]
+incident = "9.65e6 * exp(-t / 2e-6)"
+
+[time]"#;
+    torn("finite", "energy").replace("[time]", loads)
+}
+
+/// A hot plate, pulled while a crack grows through it.
+pub const CRACK: &str = r#"
+[bodies.plate]
+shape.box = { min = [0, 0, 0], max = [0.06, 0.04, 0.001] }
+dimension = 2
+spacing = 1e-3
+material = "steel"
+initial.temperature = "300 + 1e4 * y"
+regions.foot.box = { min = [-1, -1, -1], max = [1, 0.003, 1] }
+
+[materials.steel]
+density = 7800
+youngs_modulus = 2e11
+poissons_ratio = 0.3333333333333333
+thermal_expansion = 1e-5
+specific_heat = 500
+conductivity = 40
+
+[[physics]]
+type = "thermal"
+
+[[physics]]
+type = "mechanical"
+kinematics = "finite"
+solver.explicit = {}
+
+[[couplers]]
+type = "thermal_expansion"
+reference_temperature = 300
+
+[[couplers]]
+type = "growing_crack"
+from = [0, 0.0205]
+to = [0.05, 0.0203]
+speed = 3000
+
+[[couplers]]
+type = "prescribed_displacement"
+region = "foot"
+x = 0
+y = 0
+
+[[couplers]]
+type = "traction"
+faces = ["y+"]
+pressure = -1e8
+
+[time]
+end = 1e-5
+
+[log]
+interval = 5e-6
+"#;

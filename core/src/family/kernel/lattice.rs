@@ -2,7 +2,7 @@
 //! each bond costs one load of each input per point.
 
 use super::{Bond, BondKernel, Output, SweepInputs};
-use crate::family::blocks::Weights;
+use crate::family::blocks::{BLOCK, Weights};
 use crate::family::{Chunk, Family, Stencil, StencilBond, StencilBonds};
 
 /// Points that advance together: two AVX-512 or four AVX2 registers.
@@ -106,6 +106,22 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
             }
         }
     }
+}
+
+/// Sums of the points of a block by what every machine of the architecture has. Compiled once for each kernel.
+#[inline(never)]
+pub(super) fn sum_block<const I: usize, const O: usize>(
+    kernel: &impl BondKernel<I, O>,
+    bonds: &StencilBonds,
+    weights: &[Weights],
+    inputs: &[&[f64]; I],
+    slot: usize,
+) -> [[f64; O]; BLOCK] {
+    let bonds = LaneBonds {
+        stencil: &bonds.stencil.bonds,
+        weights: Some(weights),
+    };
+    sum_lanes(kernel, bonds, inputs, slot)
 }
 
 impl Stencil {

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::broken::Bits;
 use super::growing::GrowingBonds;
 use super::{BrokenBonds, Chunk, CloudRows, Family, StencilBonds, Store};
+use crate::arithmetic::Number;
 #[cfg(target_arch = "x86_64")]
 use crate::instructions::InstructionSet;
 use crate::parallel::ParallelLoop;
@@ -38,21 +39,21 @@ use sums::Output;
 
 /// A bond of the reference configuration.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bond {
+pub struct Bond<N = f64> {
     /// Reference vector to the neighbour, m.
-    pub xi: [f64; 3],
+    pub xi: [N; 3],
     /// Length of `xi`, m.
-    pub length: f64,
+    pub length: N,
     /// One over the length, 1/m.
-    pub inverse_length: f64,
+    pub inverse_length: N,
     /// Weight of the neighbour in the family of the point, 1/m: its volume times influence,
     /// partial volume and correction, over the moment of the family ([`moment`](super::FamilySpec::moment)).
     /// Calibrated families have `sum_j weight |xi| = dimension`.
-    pub weight: f64,
+    pub weight: N,
     /// Weight of the point in the family of the neighbour, for the force that the neighbour's state exerts along the bond:
     /// computed like `weight` with the horizon and the moment of the neighbour. Equal to `weight` where horizons are uniform; zero when the point
     /// lies beyond the neighbour's horizon (dual horizon, Wang (2025), eq. 5.13).
-    pub dual: f64,
+    pub dual: N,
 }
 
 impl Bond {
@@ -67,11 +68,13 @@ impl Bond {
             dual,
         }
     }
+}
 
+impl<N: Number> Bond<N> {
     /// Mean of both weights, for pair forces and flows, which are opposite at the two ends.
     #[inline(always)]
-    pub fn mean(&self) -> f64 {
-        0.5 * (self.weight + self.dual)
+    pub fn mean(&self) -> N {
+        (self.weight + self.dual) * 0.5
     }
 }
 
@@ -79,7 +82,7 @@ impl Bond {
 ///
 /// Write plain scalar code and mark `bond` `#[inline(always)]`: the sweep vectorises it.
 pub trait BondKernel<const I: usize, const O: usize>: Sync {
-    /// Evaluated rarely: compiled once, without vectors.
+    /// Evaluated rarely: not compiled for each instruction set.
     const RARE: bool = false;
 
     /// How many of the sums, from the first, the bond adds to at both of its ends ([`BondKernel::ends`]). If any, and the
@@ -118,6 +121,9 @@ pub trait BondKernel<const I: usize, const O: usize>: Sync {
         }
     }
 }
+
+/// Sums of a rare kernel that are computed for the points of a block together: with more of them the code grows, not the speed.
+const LANED_SUMS: usize = 6;
 
 /// A plane normal to an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -346,9 +352,9 @@ impl Family {
     }
 
     /// `common` are the sums of complete families, where these are all the same.
-    fn sweep_plainly<const I: usize, const O: usize>(
+    fn sweep_plainly<const I: usize, const O: usize, K: BondKernel<I, O>>(
         &self,
-        kernel: &impl BondKernel<I, O>,
+        kernel: &K,
         inputs: SweepInputs<'_, I>,
         output: &Output<'_, O>,
         chunk: &Chunk,
@@ -370,9 +376,22 @@ impl Family {
                 }
             }
             Store::Lattice(bonds, _) | Store::Growing(bonds, _) => {
-                for head in &bonds.blocks.head[chunk.blocks.clone()] {
-                    for point in head.points() {
-                        alone(point);
+                for block in chunk.blocks.clone() {
+                    let head = bonds.blocks.head[block];
+                    if const { K::RARE && O <= LANED_SUMS } && inputs.is_whole(head.points()) {
+                        let weights = bonds.blocks.weights(block);
+                        let sums = lattice::sum_block(
+                            kernel,
+                            bonds,
+                            weights,
+                            inputs.values,
+                            head.slot as usize,
+                        );
+                        for (point, sum) in head.points().zip(sums) {
+                            set(point, sum);
+                        }
+                    } else {
+                        head.points().for_each(alone);
                     }
                 }
                 for run in &bonds.runs[chunk.runs.clone()] {

@@ -1,7 +1,7 @@
 //! Broken bonds of a body, and how they are saved.
 
+use perimelt_core::PointRows;
 use perimelt_core::family::BrokenBonds;
-use perimelt_core::{Family, PointRows};
 use serde::{Deserialize, Serialize};
 
 /// Broken bonds of a body, and the stress that they carried.
@@ -26,10 +26,10 @@ pub struct SavedFracture {
 }
 
 impl FractureState {
-    /// No broken bonds.
-    pub fn intact(family: &Family, points: usize) -> Self {
+    /// No broken bonds, of a body with this number of points.
+    pub fn intact(unbroken: BrokenBonds, points: usize) -> Self {
         FractureState {
-            broken: vec![family.unbroken()],
+            broken: vec![unbroken],
             frozen: vec![[0.0; 6]; points],
             sliding_energy: Vec::new(),
         }

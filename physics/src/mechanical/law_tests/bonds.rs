@@ -2,7 +2,7 @@
 
 use perimelt_core::body::{Body, Store};
 use perimelt_core::law::Constant;
-use perimelt_core::{Bond, BondKernel};
+use perimelt_core::{Bond, BondKernel, Number};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -29,8 +29,8 @@ impl BondLaw for Cubic {
     // any property that the physics do not use
     const CONSTANTS: &'static [Constant] = &[Constant::required("yield_stress")];
 
-    fn force(&self, [b, ..]: &BondConstants, s: f64) -> f64 {
-        s + b * s * s * s
+    fn force<N: Number>(&self, [b, ..]: &BondConstants, s: N) -> N {
+        s + s * *b * s * s
     }
 
     fn mean_force(&self, [b, ..]: &BondConstants, s: f64) -> f64 {

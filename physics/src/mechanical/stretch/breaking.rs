@@ -42,7 +42,7 @@ impl<const FINITE: bool> Excess<FINITE> {
             end
         });
         let ends = Ends::new(&own, &other);
-        let stretch = stretched::<FINITE, 3, _>(bond, ends).stretch();
+        let stretch = stretched::<FINITE, 3, _, _>(bond, ends).stretch();
         let elastic = elastic_stretch(stretch, ends);
         (elastic, ends.mean(CRITICAL))
     }
@@ -84,7 +84,7 @@ impl<const D: usize, const FINITE: bool, L: BondForce, const ENERGY: bool> BondK
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 4] {
         let ends = Ends::new(&own, &other);
-        let change = stretched::<FINITE, D, _>(bond, ends);
+        let change = stretched::<FINITE, D, _, _>(bond, ends);
         let stretch = change.stretch();
         let force = self.0.tension(bond, stretch, ends);
         let stretched = BondStretch { stretch, force };
@@ -104,7 +104,7 @@ impl<const D: usize, const FINITE: bool, L: BondForce, const ENERGY: bool> BondK
         [here, there]: [&mut [f64; 4]; 2],
     ) {
         let ends = Ends::new(&own, &other);
-        let change = stretched_by::<FINITE, true, D, _>(bond, ends);
+        let change = stretched_by::<FINITE, true, D, _, _>(bond, ends);
         let stretch = change.stretch_by::<true>();
         let force = self.0.tension(bond, stretch, ends);
         let stretched = BondStretch { stretch, force };

@@ -26,7 +26,7 @@ impl<const FINITE: bool, L: BondForce> BondKernel<INPUTS, 2> for Energy<FINITE, 
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
         let ends = Ends::new(&own, &other);
-        let stretch = stretched::<FINITE, 3, _>(bond, ends).stretch();
+        let stretch = stretched::<FINITE, 3, _, _>(bond, ends).stretch();
         let mean = self.0.law().mean_force(stretch);
         let density = 0.5 * own[STIFFNESS] * bond.weight * bond.length * mean * stretch;
         [density, self.0.conjugate_stress(bond, stretch, ends)]
@@ -62,7 +62,7 @@ impl<const FINITE: bool, L: BondForce> BondKernel<INPUTS, 2> for ElasticEnergy<F
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
         let ends = Ends::new(&own, &other);
-        let stretch = stretched::<FINITE, 3, _>(bond, ends).stretch();
+        let stretch = stretched::<FINITE, 3, _, _>(bond, ends).stretch();
         [self.0.elastic_energy(bond, stretch, ends), 0.0]
     }
 }

@@ -1,10 +1,12 @@
 //! Forces of the bonds and their linear part.
 
-use perimelt_core::{Bond, BondKernel};
+use perimelt_core::device::DeviceKernel;
+use perimelt_core::{Bond, BondKernel, Number};
 
 use super::{BondForce, Ends, INPUTS, STIFFNESS, dyad, elastic_stretch, stretched, stretched_by};
 
 /// Force density of the bonds, N/m³.
+#[derive(Clone, Copy, Debug)]
 pub struct Force<const FINITE: bool, L>(pub L);
 
 impl<const FINITE: bool, L: BondForce, const D: usize> BondKernel<INPUTS, D> for Force<FINITE, L> {
@@ -12,9 +14,7 @@ impl<const FINITE: bool, L: BondForce, const D: usize> BondKernel<INPUTS, D> for
 
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
-        let ends = Ends::new(&own, &other);
-        let change = stretched::<FINITE, D, _>(bond, ends);
-        change.vector(self.0.tension(bond, change.stretch(), ends))
+        self.bond_of(bond, own, other)
     }
 
     #[inline(always)]
@@ -26,11 +26,22 @@ impl<const FINITE: bool, L: BondForce, const D: usize> BondKernel<INPUTS, D> for
         sums: [&mut [f64; D]; 2],
     ) {
         let ends = Ends::new(&own, &other);
-        let change = stretched_by::<FINITE, true, D, _>(bond, ends);
+        let change = stretched_by::<FINITE, true, D, _, _>(bond, ends);
         change.add_pull(
             self.0.tension(bond, change.stretch_by::<true>(), ends),
             sums,
         );
+    }
+}
+
+impl<const FINITE: bool, L: BondForce, const D: usize> DeviceKernel<INPUTS, D>
+    for Force<FINITE, L>
+{
+    #[inline(always)]
+    fn bond_of<N: Number>(&self, bond: &Bond<N>, own: [N; INPUTS], other: [N; INPUTS]) -> [N; D] {
+        let ends = Ends::new(&own, &other);
+        let change = stretched::<FINITE, D, _, _>(bond, ends);
+        change.vector(self.0.tension(bond, change.stretch(), ends))
     }
 }
 
@@ -42,7 +53,7 @@ impl<L: BondForce, const D: usize> BondKernel<INPUTS, D> for Stiffness<L> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
         let ends = Ends::new(&own, &other);
-        let change = stretched::<false, D, _>(bond, ends);
+        let change = stretched::<false, D, _, _>(bond, ends);
         let force = self.0.along(bond, ends, change.stretch(), 1.0);
         change.vector(force).map(|f| -f)
     }
@@ -70,10 +81,10 @@ impl<L: BondForce, const D: usize> BondKernel<TANGENT_INPUTS, D> for Tangent<L> 
             [change, [a, b, c, 0.0, eigenstrain, 0.0, 0.0]]
         });
         let about = Ends::new(&own[1], &other[1]);
-        let stretch = stretched::<false, 3, _>(bond, about).stretch();
+        let stretch = stretched::<false, 3, _, _>(bond, about).stretch();
         let slope = self.0.law().slope(elastic_stretch(stretch, about));
         let ends = Ends::new(&own[0], &other[0]);
-        let change = stretched::<false, D, _>(bond, ends);
+        let change = stretched::<false, D, _, _>(bond, ends);
         let force = self.0.along(bond, ends, slope * change.stretch(), 1.0);
         change.vector(force).map(|f| -f)
     }

@@ -3,11 +3,11 @@
 use std::fmt::Debug;
 
 use perimelt_core::law::Constant;
-use perimelt_core::{Bond, SetupError};
+use perimelt_core::{Bond, Number, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Ends, PRESSURE, STIFFNESS, elastic_stretch};
+use super::{Ends, INPUTS, PRESSURE, STIFFNESS, elastic_stretch};
 
 /// Constants of a law in the order of their declaration, zero behind its last.
 pub type BondConstants = [f64; 4];
@@ -34,8 +34,8 @@ pub trait BondLaw: Copy + Debug + Send + Sync + Serialize + 'static {
         Ok(())
     }
 
-    /// Force at a stretch.
-    fn force(&self, constants: &BondConstants, stretch: f64) -> f64;
+    /// Force at a stretch. Written for any number, so that devices can compute it, too.
+    fn force<N: Number>(&self, constants: &BondConstants, stretch: N) -> N;
 
     /// Mean of the force from no stretch to this one: times the stretch, it is the energy.
     fn mean_force(&self, constants: &BondConstants, stretch: f64) -> f64;
@@ -57,7 +57,7 @@ impl BondLaw for Linear {
     const IS_LINEAR: bool = true;
 
     #[inline(always)]
-    fn force(&self, _: &BondConstants, stretch: f64) -> f64 {
+    fn force<N: Number>(&self, _: &BondConstants, stretch: N) -> N {
         stretch
     }
 
@@ -91,7 +91,7 @@ impl<L: BondLaw> BodyLaw<L> {
 
     /// See [`BondLaw::force`].
     #[inline(always)]
-    pub fn force(&self, stretch: f64) -> f64 {
+    pub fn force<N: Number>(&self, stretch: N) -> N {
         self.law.force(&self.constants, stretch)
     }
 
@@ -128,7 +128,13 @@ pub trait BondForce: Copy + Debug + Send + Sync + 'static {
     fn law(&self) -> &BodyLaw<Self::Law>;
 
     /// Force density along the bond (N/m³) of a force of the law, with a factor on the pressure of the ends.
-    fn along(&self, bond: &Bond, ends: Ends<'_>, force: f64, pressure: f64) -> f64;
+    fn along<N: Number>(
+        &self,
+        bond: &Bond<N>,
+        ends: Ends<'_, INPUTS, N>,
+        force: N,
+        pressure: f64,
+    ) -> N;
 
     /// Stiffness of the bond in the energy of its point, over its length.
     fn energy_stiffness(&self, bond: &Bond, ends: Ends<'_>) -> f64;
@@ -138,7 +144,7 @@ pub trait BondForce: Copy + Debug + Send + Sync + 'static {
 
     /// Force density along the bond, N/m³.
     #[inline(always)]
-    fn tension(&self, bond: &Bond, stretch: f64, ends: Ends<'_>) -> f64 {
+    fn tension<N: Number>(&self, bond: &Bond<N>, stretch: N, ends: Ends<'_, INPUTS, N>) -> N {
         let force = self.law().force(elastic_stretch(stretch, ends));
         self.along(bond, ends, force, 1.0)
     }
@@ -192,7 +198,7 @@ impl<L: BondLaw> BondForce for Pairs<L> {
     }
 
     #[inline(always)]
-    fn along(&self, bond: &Bond, ends: Ends<'_>, force: f64, _: f64) -> f64 {
+    fn along<N: Number>(&self, bond: &Bond<N>, ends: Ends<'_, INPUTS, N>, force: N, _: f64) -> N {
         bond.mean() * ends.mean(STIFFNESS) * force
     }
 
@@ -220,13 +226,19 @@ impl<L: BondLaw> BondForce for States<L> {
     }
 
     #[inline(always)]
-    fn along(&self, bond: &Bond, ends: Ends<'_>, force: f64, pressure: f64) -> f64 {
+    fn along<N: Number>(
+        &self,
+        bond: &Bond<N>,
+        ends: Ends<'_, INPUTS, N>,
+        force: N,
+        pressure: f64,
+    ) -> N {
         // computed once if the stiffness is the same at both ends
-        let end = |stiffness: f64| 0.5 * stiffness * force;
+        let end = |stiffness: N| stiffness * 0.5 * force;
         let tension =
             bond.weight * end(ends.own[STIFFNESS]) + bond.dual * end(ends.other[STIFFNESS]);
         let of_ends = bond.weight * ends.own[PRESSURE] + bond.dual * ends.other[PRESSURE];
-        tension + pressure * of_ends * bond.inverse_length
+        tension + of_ends * pressure * bond.inverse_length
     }
 
     #[inline(always)]

@@ -25,7 +25,7 @@ mod force;
 mod law;
 mod sums;
 
-use perimelt_core::Bond;
+use perimelt_core::{Bond, Number};
 
 pub use adapters::{STRAIN_INPUTS, Uniform, WithStrain};
 pub use breaking::{Breaking, EXCESS_INPUTS, Excess, Load};
@@ -51,68 +51,74 @@ pub const CRITICAL: usize = 6;
 
 /// Inputs of the point of a bond and of its other end.
 #[derive(Clone, Copy, Debug)]
-pub struct Ends<'a, const I: usize = INPUTS> {
+pub struct Ends<'a, const I: usize = INPUTS, N = f64> {
     /// Inputs of the point.
-    pub own: &'a [f64; I],
+    pub own: &'a [N; I],
     /// Inputs of the other end.
-    pub other: &'a [f64; I],
+    pub other: &'a [N; I],
 }
 
-impl<'a, const I: usize> Ends<'a, I> {
+impl<'a, const I: usize, N: Number> Ends<'a, I, N> {
     #[inline(always)]
-    fn new(own: &'a [f64; I], other: &'a [f64; I]) -> Self {
+    fn new(own: &'a [N; I], other: &'a [N; I]) -> Self {
         Ends { own, other }
     }
 
     /// Mean of an input.
     #[inline(always)]
-    pub fn mean(&self, input: usize) -> f64 {
-        0.5 * (self.own[input] + self.other[input])
+    pub fn mean(&self, input: usize) -> N {
+        (self.own[input] + self.other[input]) * 0.5
     }
 }
 
 /// Elastic stretch of a bond: without the eigenstrain, of which the bond has the mean of its ends. That of a linear
 /// eigenstrain is zero in a free body, whose bonds have just this stretch.
 #[inline(always)]
-fn elastic_stretch(stretch: f64, ends: Ends<'_>) -> f64 {
+fn elastic_stretch<N: Number>(stretch: N, ends: Ends<'_, INPUTS, N>) -> N {
     stretch - ends.mean(EIGENSTRAIN)
 }
 
 /// Stretch of a bond, `scale sum_a relative_a arm_a`.
-struct Stretched<const D: usize> {
-    relative: [f64; D],
-    arm: [f64; D],
-    scale: f64,
+struct Stretched<const D: usize, N = f64> {
+    relative: [N; D],
+    arm: [N; D],
+    scale: N,
     /// The current bond, m; the reference one in linear kinematics.
-    along: [f64; D],
+    along: [N; D],
     /// One over the length of `along`, 1/m.
-    inverse_length: f64,
+    inverse_length: N,
 }
 
 #[inline(always)]
-fn stretched<const FINITE: bool, const D: usize, const I: usize>(
-    bond: &Bond,
-    ends: Ends<'_, I>,
-) -> Stretched<D> {
-    stretched_by::<FINITE, false, D, I>(bond, ends)
+fn stretched<const FINITE: bool, const D: usize, const I: usize, N: Number>(
+    bond: &Bond<N>,
+    ends: Ends<'_, I, N>,
+) -> Stretched<D, N> {
+    stretched_by::<FINITE, false, D, I, N>(bond, ends)
 }
 
 /// [`stretched`], by fused multiply-adds if `FUSED`.
 #[inline(always)]
-fn stretched_by<const FINITE: bool, const FUSED: bool, const D: usize, const I: usize>(
-    bond: &Bond,
-    ends: Ends<'_, I>,
-) -> Stretched<D> {
+fn stretched_by<
+    const FINITE: bool,
+    const FUSED: bool,
+    const D: usize,
+    const I: usize,
+    N: Number,
+>(
+    bond: &Bond<N>,
+    ends: Ends<'_, I, N>,
+) -> Stretched<D, N> {
     let Ends { own, other } = ends;
-    let relative: [f64; D] = std::array::from_fn(|a| other[a] - own[a]);
-    let xi: [f64; D] = std::array::from_fn(|a| bond.xi[a]);
+    let relative: [N; D] = std::array::from_fn(|a| other[a] - own[a]);
+    let xi: [N; D] = std::array::from_fn(|a| bond.xi[a]);
     if FINITE {
-        let along: [f64; D] = std::array::from_fn(|a| xi[a] + relative[a]);
-        let length = positive(dot::<FUSED, D>(along, along)).sqrt();
+        let along: [N; D] = std::array::from_fn(|a| xi[a] + relative[a]);
+        let length = positive(dot::<FUSED, D, N>(along, along)).sqrt();
         // l - l0 = (l^2 - l0^2) / (l + l0) avoids cancellation at small stretches; one division serves both
         // the stretch and the direction
         let sum = (length + bond.length) * bond.length;
-        let inverse = 1.0 / (length * sum);
+        let inverse = N::from(1.0) / (length * sum);
         Stretched {
             arm: std::array::from_fn(|a| xi[a] + along[a]),
             scale: inverse * length,
@@ -134,34 +140,40 @@ fn stretched_by<const FINITE: bool, const FUSED: bool, const D: usize, const I: 
 /// The square of a length, or the least positive number in place of zero: ends of a bond that coincide have a stretch of
 /// -1, and no direction for a force.
 #[inline(always)]
-fn positive(square: f64) -> f64 {
-    if square > f64::MIN_POSITIVE {
-        square
-    } else {
-        f64::MIN_POSITIVE
-    }
+fn positive<N: Number>(square: N) -> N {
+    let least = N::from(f64::MIN_POSITIVE);
+    square.select_above(least, square, least)
 }
 
 /// Starts from the first product, not from zero, since compilers keep an addition of zero.
 #[inline(always)]
-fn dot<const FUSED: bool, const D: usize>(a: [f64; D], b: [f64; D]) -> f64 {
+fn dot<const FUSED: bool, const D: usize, N: Number>(a: [N; D], b: [N; D]) -> N {
     (1..D).fold(a[0] * b[0], |sum, axis| match FUSED {
         true => a[axis].mul_add(b[axis], sum),
         false => sum + a[axis] * b[axis],
     })
 }
 
-impl<const D: usize> Stretched<D> {
+impl<const D: usize, N: Number> Stretched<D, N> {
     #[inline(always)]
-    fn stretch(&self) -> f64 {
+    fn stretch(&self) -> N {
         self.stretch_by::<false>()
     }
 
     #[inline(always)]
-    fn stretch_by<const FUSED: bool>(&self) -> f64 {
-        self.scale * dot::<FUSED, D>(self.relative, self.arm)
+    fn stretch_by<const FUSED: bool>(&self) -> N {
+        self.scale * dot::<FUSED, D, N>(self.relative, self.arm)
     }
 
+    /// A vector along the bond.
+    #[inline(always)]
+    fn vector(&self, size: N) -> [N; D] {
+        let size = size * self.inverse_length;
+        std::array::from_fn(|a| size * self.along[a])
+    }
+}
+
+impl<const D: usize> Stretched<D> {
     /// Contributions of the axes to the stretch.
     #[inline(always)]
     fn parts(&self) -> [f64; D] {
@@ -177,20 +189,13 @@ impl<const D: usize> Stretched<D> {
             there[axis] = (-size).mul_add(self.along[axis], there[axis]);
         }
     }
-
-    /// A vector along the bond.
-    #[inline(always)]
-    fn vector(&self, size: f64) -> [f64; D] {
-        let size = size * self.inverse_length;
-        std::array::from_fn(|a| size * self.along[a])
-    }
 }
 
 #[inline(always)]
 fn stretched_in(finite: bool, bond: &Bond, ends: Ends<'_>) -> Stretched<3> {
     match finite {
-        true => stretched::<true, 3, _>(bond, ends),
-        false => stretched::<false, 3, _>(bond, ends),
+        true => stretched::<true, 3, _, _>(bond, ends),
+        false => stretched::<false, 3, _, _>(bond, ends),
     }
 }
 

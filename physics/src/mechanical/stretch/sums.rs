@@ -38,7 +38,7 @@ impl<const FINITE: bool> BondKernel<3, 1> for Dilation<FINITE> {
 
     #[inline(always)]
     fn ends(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [[f64; 1]; 2] {
-        let stretch = stretched::<FINITE, 3, _>(bond, Ends::new(&own, &other)).stretch();
+        let stretch = stretched::<FINITE, 3, _, _>(bond, Ends::new(&own, &other)).stretch();
         [[bond.weight * stretch], [bond.dual * stretch]]
     }
 
@@ -50,7 +50,7 @@ impl<const FINITE: bool> BondKernel<3, 1> for Dilation<FINITE> {
         other: [f64; 3],
         [[here], [there]]: [&mut [f64; 1]; 2],
     ) {
-        let change = stretched_by::<FINITE, true, 3, _>(bond, Ends::new(&own, &other));
+        let change = stretched_by::<FINITE, true, 3, _, _>(bond, Ends::new(&own, &other));
         let stretch = change.stretch_by::<true>();
         *here = bond.weight.mul_add(stretch, *here);
         *there = bond.dual.mul_add(stretch, *there);
@@ -69,7 +69,7 @@ impl<const FINITE: bool> BondKernel<INPUTS, 1> for ElasticDilation<FINITE> {
     #[inline(always)]
     fn ends(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [[f64; 1]; 2] {
         let ends = Ends::new(&own, &other);
-        let elastic = elastic_stretch(stretched::<FINITE, 3, _>(bond, ends).stretch(), ends);
+        let elastic = elastic_stretch(stretched::<FINITE, 3, _, _>(bond, ends).stretch(), ends);
         [[bond.weight * elastic], [bond.dual * elastic]]
     }
 }
@@ -77,7 +77,7 @@ impl<const FINITE: bool> BondKernel<INPUTS, 1> for ElasticDilation<FINITE> {
 impl<const FINITE: bool> BondKernel<3, 4> for Expansion<FINITE> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 4] {
-        let [x, y, z] = stretched::<FINITE, 3, _>(bond, Ends::new(&own, &other)).parts();
+        let [x, y, z] = stretched::<FINITE, 3, _, _>(bond, Ends::new(&own, &other)).parts();
         [x, y, z, 0.0].map(|part| bond.weight * part)
     }
 }
@@ -85,7 +85,7 @@ impl<const FINITE: bool> BondKernel<3, 4> for Expansion<FINITE> {
 impl<const FINITE: bool> BondKernel<INPUTS, 4> for ElasticExpansion<FINITE> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 4] {
-        let [x, y, z] = stretched::<FINITE, 3, _>(bond, Ends::new(&own, &other)).parts();
+        let [x, y, z] = stretched::<FINITE, 3, _, _>(bond, Ends::new(&own, &other)).parts();
         let eigenstrain = 0.5 * (own[EIGENSTRAIN] + other[EIGENSTRAIN]);
         [x, y, z, eigenstrain].map(|part| bond.weight * part)
     }
@@ -124,7 +124,7 @@ struct Overstretch<const FINITE: bool>(f64);
 impl<const FINITE: bool> BondKernel<3, 1> for Overstretch<FINITE> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 1] {
-        let stretch = stretched::<FINITE, 3, _>(bond, Ends::new(&own, &other)).stretch();
+        let stretch = stretched::<FINITE, 3, _, _>(bond, Ends::new(&own, &other)).stretch();
         [(stretch.abs() - self.0).max(0.0)]
     }
 }

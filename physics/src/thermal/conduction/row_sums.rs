@@ -1,6 +1,7 @@
 //! Sums of the coefficients of bonds, which limit explicit steps.
 
 use perimelt_core::family::Mirrored;
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
@@ -27,6 +28,7 @@ impl Conduction {
         &mut self,
         family: &Family,
         material: &[u16],
+        reducer: &Reducer,
     ) -> Vec<[f64; 1]> {
         if let Some(plies) = &self.plies {
             return plies.largest_row_sums(family, material);
@@ -35,13 +37,15 @@ impl Conduction {
         let stiffness = self
             .states
             .as_mut()
-            .map_or(1.0, |s| s.stiffness(family, broken));
+            .map_or(1.0, |s| s.stiffness(family, broken, reducer));
         let largest = &self.largest;
         if let Some(SecondDerivatives { pddo, .. }) = &self.derivatives {
-            let points = material.par_iter().enumerate();
+            let own = material[..reducer.owned()].par_iter().enumerate();
             let sum =
                 |(point, &m): (usize, &u16)| [largest[m as usize] * pddo.laplacian_sum(point)];
-            return points.map(sum).collect();
+            let mut sums: Vec<[f64; 1]> = own.map(sum).collect();
+            sums.resize(material.len(), [0.0]);
+            return sums;
         }
         let factor = stiffness * self.calibration;
         let conductivity = |point: usize| factor * largest[material[point] as usize];
