@@ -61,6 +61,10 @@ pub(crate) fn select(
             "faces within the body's dimensions",
         ));
     }
+    if let Some(twice) = (1..faces.len()).find(|n| faces[..*n].contains(&faces[*n])) {
+        let message = format!("face `{}` is given twice", faces[twice].name());
+        return Err(SetupError::value("faces", message, "each face once"));
+    }
     let mut cells = setup.body(body).surface(faces);
     if let Some(name) = region {
         let points = setup.region(body, "region", name)?.points;
@@ -292,6 +296,10 @@ mod tests {
         let (key, message) = count(&[Face::XMax], Some("left")).expect_err("no point there");
         assert_eq!(key, "region");
         assert!(message.contains("no point of region `left` has a free surface in direction x+"));
+        let twice = [Face::XMax, Face::ZMax, Face::XMax];
+        let (key, message) = count(&twice, None).expect_err("the heat would count twice");
+        assert_eq!(key, "faces");
+        assert!(message.contains("face `x+` is given twice"), "{message}");
         let (key, message) = count(&[Face::XMax], Some("lef")).expect_err("misspelt");
         assert_eq!(key, "region");
         assert!(message.contains("did you mean `left`?"));

@@ -140,7 +140,7 @@ fn times_outside_of_a_log_are_refused_and_others_are_named() {
         );
     }
     let (done, message) = told(folder, &["run", "weld.toml", "--threads", "100000"]);
-    assert!(!done && message.contains("at most 1024"), "{message}");
+    assert!(!done && message.contains("from 1 to 1024"), "{message}");
 }
 
 #[test]

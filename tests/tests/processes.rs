@@ -3,8 +3,9 @@
 mod divided;
 
 use divided::{
-    BRACKET, CRACK, QUENCH, WELD, cooled, correspondence, dissimilar, formulated, free, jittered,
-    layered, ordinary, shrunk, steady, still, struck, torn, weld_by, with_heat_of_deformation,
+    BRACKET, CRACK, PERIODIC, QUENCH, WELD, cooled, correspondence, dissimilar, formulated, free,
+    jittered, layered, ordinary, shrunk, steady, still, struck, torn, weld_by,
+    with_heat_of_deformation,
 };
 use perimelt::case::Case;
 use perimelt_core::transport::Processes;
@@ -269,6 +270,7 @@ fn impacts_and_given_cracks_have_the_same_bits_for_any_number_of_processes() {
     let struck = struck();
     let alone = run_in(1, &struck, 1.0, None);
     assert!(alone.number("impactor force.z") != 0.0 && alone.number("undex force.x") != 0.0);
+    assert!(alone.number("undex cavitation.start") > 0.0);
     assert_shared(&struck, &alone, &[2, 3], "struck");
     let alone = run_in(1, CRACK, 1.0, None);
     assert!(alone.number("growing_crack length") > 0.02);
@@ -435,6 +437,7 @@ fn what_processes_cannot_share_is_refused() {
         moving("region = \"foot\"", "face = \"x-\""),
         refusal(&cloud),
         changed("spacing = 5e-4", "spacing = 1e-2"),
+        refusal(PERIODIC),
     ];
     insta::assert_snapshot!(all.join("\n\n"));
 }

@@ -41,16 +41,10 @@ impl Part {
     /// # Panics
     /// When the part does not contain all points along a periodic axis.
     pub fn new(body: &Body, owned: &[u32], horizon: Horizon) -> Part {
-        let widest = body
-            .points
-            .horizons(horizon)
-            .into_iter()
-            .fold(0.0, f64::max);
-        let reach = widest + body.coarsest_spacing();
+        let reach = Part::reach(body, horizon);
         let near = Surroundings::of(owned, body, reach);
-        for axis in (0..3).filter(|axis| body.periodic[*axis]) {
-            assert!(near.spans(axis), "periodic axes are not cut");
-        }
+        let cut = near.cut_axis(body);
+        assert!(cut.is_none(), "periodic axes are not cut");
         let mut numbers = owned.to_vec();
         let others = 0..body.points.len() as u32;
         let remote = others.filter(|p| owned.binary_search(p).is_err());
@@ -63,6 +57,20 @@ impl Part {
             curve: Curve::through(&body.points.position, &body.points.spacing),
             coarsest: body.coarsest_spacing(),
         }
+    }
+
+    /// Width of the cells by which surroundings are counted, m.
+    fn reach(body: &Body, horizon: Horizon) -> f64 {
+        let horizons = body.points.horizons(horizon);
+        horizons.into_iter().fold(0.0, f64::max) + body.coarsest_spacing()
+    }
+
+    /// A periodic axis along which the part of `body` that owns these points would not have all points.
+    pub(crate) fn cut_axis(body: &Body, owned: &[u32], horizon: Horizon) -> Option<usize> {
+        let reach = Part::reach(body, horizon);
+        let is_periodic = body.periodic.contains(&true);
+        let near = is_periodic.then(|| Surroundings::of(owned, body, reach))?;
+        near.cut_axis(body)
     }
 
     /// The points, owned ones first, and their numbers in the whole body.
@@ -134,6 +142,11 @@ impl Surroundings {
             let mut beside = (first..=last).map(|other| cell - along * stride + other * stride);
             *is_near = beside.any(|other| before[other]);
         }
+    }
+
+    /// A periodic axis of the body along which these are some of the cells only.
+    fn cut_axis(&self, body: &Body) -> Option<usize> {
+        (0..3).find(|axis| body.periodic[*axis] && !self.spans(*axis))
     }
 
     fn contains(&self, position: &Vector3<f64>) -> bool {

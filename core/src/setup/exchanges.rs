@@ -67,7 +67,11 @@ impl Setup<'_> {
                 continue;
             }
             let (cells, covered) = self.free_cells(&exchange);
-            if cells.is_empty() {
+            let reducer = self.world.reducer(exchange.body);
+            let is_free = cells
+                .iter()
+                .any(|cell| (cell.point as usize) < reducer.owned());
+            if !reducer.any(is_free) {
                 let reasons: Vec<String> = covered.keys().map(ToString::to_string).collect();
                 let message = format!("the boundary has no free surface: {}", reasons.join("; "));
                 let expected = "faces that the surroundings can reach";

@@ -126,9 +126,21 @@ impl World {
             let message = format!("body `{name}` is too small for {processes} processes");
             return Err(SetupError::value("", message, "fewer processes"));
         };
-        let rank = self.processes.rank() as u32;
-        let points = 0..owner.len() as u32;
-        let owned: Vec<u32> = points.filter(|p| owner[*p as usize] == rank).collect();
+        let owned_by = |process: u32| -> Vec<u32> {
+            let points = 0..owner.len() as u32;
+            points.filter(|p| owner[*p as usize] == process).collect()
+        };
+        // all processes find the same
+        let cut = (0..processes as u32)
+            .find_map(|process| Part::cut_axis(whole, &owned_by(process), horizon));
+        if let Some(axis) = cut {
+            let (name, axis) = (&whole.name, ["x", "y", "z"][axis]);
+            let message = format!(
+                "body `{name}` is periodic along {axis}, and {processes} processes cannot divide it across that axis"
+            );
+            return Err(SetupError::value("", message, "fewer processes"));
+        }
+        let owned = owned_by(self.processes.rank() as u32);
         let (part, numbers) = Part::new(whole, &owned, horizon).into_points();
         let others = &numbers[owned.len()..];
         self.divisions[body] = Some(Division {

@@ -167,15 +167,16 @@ impl RunningCoupler for RunningUndex {
         let incident = self.incident.at(time);
         let incident = incident.map_err(|e| e.during("undex", time))?;
         let (water, velocity) = (self.water, world.read(self.velocity));
+        let reducer = world.reducer(self.body);
         let mut cavitates = false;
         let force_on = |(index, cell): (usize, &SurfaceCell)| {
             let recession = -velocity[cell.point as usize].dot(&cell.face.normal());
             let (pressure, is_cut_off) = water.pressure(incident[index], recession);
-            cavitates |= is_cut_off;
+            cavitates |= is_cut_off && (cell.point as usize) < reducer.owned();
             -cell.face.normal() * (pressure * cell.face_area)
         };
         self.force = self.surface.add(world, &self.cells, force_on);
-        if self.cavitation_start.is_none() && world.reducer(self.body).any(cavitates) {
+        if self.cavitation_start.is_none() && reducer.any(cavitates) {
             self.cavitation_start = Some(time);
         }
         Ok(())

@@ -5,7 +5,7 @@ use std::cell::Ref;
 
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::{
-    Implicit, KrylovMethod, Newton, NewtonOptions, Rkl2, SolverError, steady_state,
+    ExactSum, Implicit, KrylovMethod, Newton, NewtonOptions, Rkl2, SolverError, steady_state,
 };
 use perimelt_core::world::refinement::Level;
 use perimelt_core::{Step, Work, World};
@@ -442,17 +442,18 @@ impl RunningThermal {
         let plate = world.refinement(self.body);
         let plate = plate.filter(|(_, level)| *level == Level::Plate);
         let counts = |point: usize| plate.is_none_or(|(r, _)| !r.covers(r.plate_cell(point)));
-        let mut supplied = 0.0;
+        let reducer = world.reducer(self.body);
+        let mut supplied = ExactSum::default();
         let growth = self.growth.as_ref();
         let is_held = |(i, c): &(usize, &f64)| **c > 0.0 && growth.is_none_or(|g| g.is_born(*i));
         for (i, c) in constraint.iter().enumerate().filter(is_held) {
             temperature[i] = held[i] / c;
             let new = content.enthalpy(i, temperature[i]);
-            if counts(i) {
-                supplied += volume[i] * (new - enthalpy[i]);
+            if i < reducer.owned() && counts(i) {
+                supplied.add(volume[i] * (new - enthalpy[i]));
             }
             enthalpy[i] = new;
         }
-        self.heat.supply(supplied);
+        self.heat.supply(reducer.total(supplied));
     }
 }

@@ -407,6 +407,10 @@ impl Thermal {
                 "second derivatives need complete families, but the body does not fill its box";
             return Err(SetupError::value("form", message, "`form = \"bonds\"`"));
         }
+        if !this.cuts.is_empty() {
+            let message = "second derivatives need complete families, but a crack cuts some";
+            return Err(SetupError::value("form", message, "`form = \"bonds\"`"));
+        }
         let handle = self.box_family(setup, domain)?;
         let family = setup.world().family(handle);
         let pddo = Pddo::build(setup.body(domain.body), family, 2);

@@ -338,7 +338,9 @@ pub fn cooled() -> String {
         .split_once("[[couplers]]\ntype = \"goldak\"")
         .expect("an arc");
     let (_, rest) = rest.split_once("[[couplers]]").expect("boundaries");
-    without_hole(&format!("{start}[[couplers]]{rest}")).replace("HORIZON", "1")
+    let text = without_hole(&format!("{start}[[couplers]]{rest}")).replace("HORIZON", "1");
+    // a face that one process has
+    text.replace("faces = [\"z+\"]", "faces = [\"x+\"]")
 }
 
 /// A plate of the size of that of the weld.
@@ -354,7 +356,7 @@ pub fn dissimilar(text: &str, conductivity: &str) -> String {
     let metal = format!(
         "[materials.tin]\ndensity = 7300\nspecific_heat = 300\nconductivity = {conductivity}\nemissivity = 0.3\n\n[[physics]]"
     );
-    let parts = "material = \"S355\"\nmaterials = { end = \"tin\" }\nregions.end.box = { min = [0.012, 0, 0], max = [1, 1, 1] }";
+    let parts = "material = \"S355\"\nmaterials = { end = \"tin\" }\nregions.end.box = { min = [0.012, 0, 0], max = [1, 1, 1] }\nregions.core.box = { min = [0.01, 0.008, 0.002], max = [0.016, 0.013, 0.006] }";
     (text.replace("material = \"S355\"", parts)).replacen("[[physics]]", &metal, 1)
 }
 
@@ -379,7 +381,7 @@ mass = 1e-3
 [[couplers]]
 type = "undex"
 faces = ["x+"]
-incident = "9.65e6 * exp(-t / 2e-6)"
+incident = "9.65e6 * exp(-t / 2e-7)"
 
 [time]"#;
     torn("finite", "energy").replace("[time]", loads)
@@ -437,4 +439,30 @@ end = 1e-5
 
 [log]
 interval = 5e-6
+"#;
+
+/// A plate whose rows of points are longer than a group, and go on from their ends.
+pub const PERIODIC: &str = r#"
+[bodies.plate]
+shape.box = { min = [0, 0, 0], max = [0.3, 0.03, 0.001] }
+dimension = 2
+spacing = 1e-3
+material = "steel"
+periodic = ["x"]
+initial.temperature = "500 + 3000 * y"
+
+[materials.steel]
+density = 7800
+specific_heat = 500
+conductivity = 40
+
+[[physics]]
+type = "thermal"
+horizon = 1
+
+[time]
+end = 0.2
+
+[log]
+interval = 0.1
 "#;
