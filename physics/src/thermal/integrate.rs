@@ -307,13 +307,12 @@ impl RunningThermal {
         let family = world.family(self.family);
         let ratios = self.volume_ratios(world);
         let configuration = ratios.as_ref().map(|_| world.configuration(self.body));
-        let reducer = world.reducer(self.body);
         let matter = Matter {
             family: &family,
             rules: &rules,
             material: &body.material_of_point,
             curves: &self.curves,
-            points: &reducer,
+            points: &world.reducer(self.body),
         };
         if let Some(carried) = &mut self.carried {
             carried.start(world, body, &matter, &self.conduction, &heat_state);
