@@ -7,6 +7,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::material::{Expansion, MaterialError, ThermalState};
+use perimelt_core::world::PointMaterials;
 use perimelt_core::{
     Coupler, Prepared, Read, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World,
     Write, keys,
@@ -40,6 +41,7 @@ struct RunningBuoyancy {
     density: Vec<f64>,
     /// Expansion by material.
     expansion: Vec<Expansion>,
+    materials: PointMaterials,
     temperature: Read<f64>,
     body_force: Write<Vector3<f64>>,
 }
@@ -48,6 +50,7 @@ struct RunningBuoyancy {
 impl Coupler for Buoyancy {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
+        setup.once::<Self>(body)?;
         setup.stepping(Stepping {
             is_steady: true,
             ..Stepping::default()
@@ -70,6 +73,7 @@ impl Coupler for Buoyancy {
             reference_temperature: self.reference_temperature,
             density: setup.world().reference_densities(body)?,
             expansion,
+            materials: PointMaterials::prepare(setup, body)?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             body_force: setup.add(body, &keys::BODY_FORCE)?,
         }))
@@ -78,7 +82,9 @@ impl Coupler for Buoyancy {
 
 impl RunningCoupler for RunningBuoyancy {
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        let material = &world.body(self.body).material_of_point;
+        let fraction = self.materials.fraction(world);
+        let body = world.body(self.body);
+        let materials = self.materials.with(body, fraction.as_deref());
         let temperature = world.read(self.temperature);
         let liquid = |temperature| ThermalState {
             temperature,
@@ -86,9 +92,14 @@ impl RunningCoupler for RunningBuoyancy {
         };
         let reference = liquid(self.reference_temperature);
         let mut body_force = world.write(self.body_force);
-        for ((sum, &t), &m) in body_force.iter_mut().zip(&*temperature).zip(material) {
-            let strain = self.expansion[m as usize].strain(reference, liquid(t));
-            *sum -= 3.0 * self.density[m as usize] * strain * self.gravity;
+        let density = |m: usize| self.density[m];
+        for (point, (sum, &t)) in body_force.iter_mut().zip(&*temperature).enumerate() {
+            let strain = |m: usize| self.expansion[m].strain(reference, liquid(t));
+            let lost = materials.mean(point, |m| density(m) * strain(m));
+            // body forces are those of the density at the start
+            let of_start = density(usize::from(body.material_of_point[point]));
+            let at_start = of_start / materials.mean(point, density);
+            *sum -= 3.0 * at_start * lost * self.gravity;
         }
         Ok(())
     }
@@ -99,7 +110,9 @@ perimelt_core::register_coupler!("buoyancy", Buoyancy, supports: [Motion, Flow])
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{STEEL, apply, block, prepare, read, values};
+    use crate::testing::{
+        STEEL, add_gas, apply, block, prepare, prepare_after, read, set, two_fluids, values,
+    };
 
     #[test]
     fn hot_fluid_rises_by_its_loss_of_weight() {
@@ -118,5 +131,58 @@ mod tests {
             "{force:?}"
         );
         assert_eq!([force[0], force[2]], [0.0; 2]);
+    }
+
+    /// Where the fluids have moved, the lift is that of the mixture there, per mass of the mixture.
+    #[test]
+    fn two_fluids_rise_by_the_expansion_of_what_is_there_now() {
+        let mut body = block([3, 1, 1], 3, STEEL);
+        add_gas(
+            &mut body,
+            "density = 2\nthermal_expansion = { secant = 1e-3, reference = 300 }",
+        );
+        let mut world = World::new(vec![body]);
+        let buoyancy: Buoyancy = read("gravity = [0, -10, 0]\nreference_temperature = 300");
+        let fluid = |setup: &mut Setup<'_>| {
+            two_fluids(setup, 0);
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.consume(0, &keys::BODY_FORCE).expect("free");
+        };
+        let prepared = prepare_after(&mut world, fluid, buoyancy, |_| ());
+        let (mut buoyancy, ()) = prepared.expect("valid");
+        let fractions = [1.0, 0.0, 0.25];
+        set(&mut world, &keys::FLUID_FRACTION, |i| fractions[i]);
+        set(&mut world, &keys::TEMPERATURE, |_| 400.0);
+        apply(&world, &mut *buoyancy, 0.0);
+        let force = values(&world, &keys::BODY_FORCE);
+        for (point, c) in fractions.into_iter().enumerate() {
+            let lost = c * 8000.0 * 3e-5 * 100.0 + (1.0 - c) * 2.0 * 3e-3 * 100.0;
+            let acceleration = 10.0 * lost / (c * 8000.0 + (1.0 - c) * 2.0);
+            let found = force[3 * point + 1] / 8000.0;
+            assert!(
+                (found / acceleration - 1.0).abs() < 1e-9,
+                "{c}: {found} {acceleration}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_second_buoyancy_of_a_body_is_refused() {
+        let mut world = World::new(vec![block([1, 1, 1], 3, STEEL)]);
+        let table = "gravity = [0, -10, 0]\nreference_temperature = 300";
+        let first = |setup: &mut Setup<'_>| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            Box::new(read::<Buoyancy>(table))
+                .prepare(setup)
+                .expect("valid");
+        };
+        let Err(refused) = prepare_after(&mut world, first, read::<Buoyancy>(table), |_| ()) else {
+            panic!("the lift would count twice");
+        };
+        assert!(
+            refused
+                .to_string()
+                .contains("the whole effect on body `block` is that of")
+        );
     }
 }

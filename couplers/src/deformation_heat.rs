@@ -52,6 +52,7 @@ pub struct DeformationHeat {
 impl Coupler for DeformationHeat {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
+        setup.once::<Self>(body)?;
         let expansion = setup.world().expansions(body)?;
         let lacks = |e: &Directional<Expansion>| e.values().iter().any(Expansion::lacks_reference);
         let mut materials = setup.body(body).materials.iter().zip(&expansion);

@@ -158,6 +158,7 @@ impl Coupler for Evaporation {
 
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
+        setup.once::<Self>(body)?;
         check_within("recoil", self.recoil, 0.0, 1.0)?;
         check_within("escape", self.escape, 0.0, 1.0)?;
         let this = setup.body(body);
@@ -332,8 +333,9 @@ perimelt_core::register_coupler!("evaporation", Evaporation, supports: [Flow]);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{apply, block, read, refusal, set, total, values};
-    use perimelt_core::material::Material;
+    use crate::testing::{
+        add_gas, apply, block, prepare_after, read, refusal, set, total, two_fluids, values,
+    };
 
     const METAL: &str = "density = 8000\nspecific_heat = 700\nconductivity = 30\nboiling_temperature = 3000\nvaporisation_heat = 7e6\nmolar_mass = 0.056";
     const GAS_KEYS: &str = "density = 80\nspecific_heat = 1000\nconductivity = 0.05";
@@ -345,9 +347,7 @@ mod tests {
 
     fn of_metal(metal: &str) -> World {
         let mut body = block([6, 16, 1], 2, metal);
-        let section = toml::from_str(GAS_KEYS).expect("a valid material");
-        let gas = Material::new("gas", section, None).expect("a valid material");
-        body.materials.push(gas);
+        add_gas(&mut body, GAS_KEYS);
         World::new(vec![body])
     }
 
@@ -355,23 +355,19 @@ mod tests {
         world: &mut World,
         keys: &str,
     ) -> Result<Box<dyn RunningCoupler>, perimelt_core::SetupError> {
+        let fluid = |setup: &mut Setup<'_>| {
+            two_fluids(setup, 0);
+            let pressure = setup.consume_if_added(0, &keys::INTERFACE_PRESSURE);
+            pressure.expect("free");
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+        };
         let evaporation: Evaporation = read(keys);
-        let mut setup = Setup::new(world, std::path::Path::new("."));
-        setup.next_plugin("the fluid");
-        let materials = vec!["steel".to_owned(), "gas".to_owned()];
-        setup.publish(0, TwoFluids { materials })?;
-        setup.own(0, &keys::FLUID_FRACTION)?;
-        setup.consume_if_added(0, &keys::INTERFACE_PRESSURE)?;
-        setup.own(0, &keys::TEMPERATURE)?;
-        setup.next_plugin("the coupler");
-        let mut coupler = Box::new(evaporation);
-        coupler.publish(&mut setup)?;
-        let running = coupler.prepare(&mut setup)?;
-        setup.next_plugin("the heat");
-        setup.consume(0, &keys::HEAT_SOURCE)?;
-        setup.consume_if_added(0, &keys::INTERFACE_PRESSURE)?;
-        setup.finish().map_err(|mut all| all.swap_remove(0).1)?;
-        Ok(running)
+        let heat = |setup: &mut Setup<'_>| {
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+            let pressure = setup.consume_if_added(0, &keys::INTERFACE_PRESSURE);
+            pressure.expect("free");
+        };
+        Ok(prepare_after(world, fluid, evaporation, heat)?.0)
     }
 
     fn set_layer(world: &mut World, temperature: f64) {

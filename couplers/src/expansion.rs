@@ -57,6 +57,9 @@ pub struct ThermalExpansion {
     pub cutoff_temperature: Option<f64>,
 }
 
+/// The strain by temperature of a body, whichever coupler computes it.
+pub(crate) struct ExpansionByTemperature;
+
 /// An expansion that is ready to act.
 struct RunningThermalExpansion {
     body: usize,
@@ -162,6 +165,7 @@ pub(crate) fn expansions_from(
 impl Coupler for ThermalExpansion {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
+        setup.once::<ExpansionByTemperature>(body)?;
         let positions = setup.body(body).points.position.clone();
         let key = "reference_temperature";
         let given = GivenValue {

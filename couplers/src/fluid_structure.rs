@@ -15,11 +15,12 @@
 //! gradient, are the field `interface_normal` of the solid, evaluated when a state is logged; its collision of points with
 //! the solid is `collisions` of `fluid`.
 
+use nalgebra::Vector3;
 use perimelt_core::numbers::check_within;
 use perimelt_core::world::{ContactAngle, WallPlace};
 use perimelt_core::{
-    Coupler, ExpectedGift, FactRule, Prepared, RunningCoupler, Setup, SetupError, Stepping, Wall,
-    keys,
+    Body, Coupler, ExpectedGift, FactRule, Prepared, RunningCoupler, Setup, SetupError, Stepping,
+    Wall, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -90,6 +91,7 @@ impl Coupler for FluidStructure {
         };
         setup.publish(fluid, wall)?;
         if let Some(angle) = check_within("contact_angle", self.contact_angle, 0.0, 180.0)? {
+            check_common_lattice(setup.body(fluid), setup.body(solid))?;
             let wall = WallPlace::Body(solid);
             setup.publish(fluid, ContactAngle { wall, angle })?;
         }
@@ -101,6 +103,31 @@ impl Coupler for FluidStructure {
         // the fluid evaluates the interface
         Ok(Box::new(Idle))
     }
+}
+
+/// Refuses a solid whose points do not lie on the lattice of the fluid, between whose points the interface is continued.
+fn check_common_lattice(fluid: &Body, solid: &Body) -> Result<(), SetupError> {
+    /// Largest distance from a point of the lattice, in spacings.
+    const NEAR: f64 = 0.01;
+    let Some(lattice) = fluid.lattice() else {
+        return Ok(());
+    };
+    let off = |x: &Vector3<f64>, axis: usize| {
+        let along = (x[axis] - lattice.origin[axis]) / lattice.spacing - 0.5;
+        (along - along.round()).abs()
+    };
+    let points = solid.points.position.iter();
+    let off = points.flat_map(|x| (0..fluid.dimension).map(move |axis| off(x, axis)));
+    let farthest = off.fold(0.0, f64::max);
+    if farthest <= NEAR {
+        return Ok(());
+    }
+    let message = format!(
+        "points of `{}` lie {farthest:.2} spacings beside the lattice of `{}`, where the angle would be wrong",
+        solid.name, fluid.name
+    );
+    let expected = "bodies of one spacing whose boxes begin whole spacings apart";
+    Err(SetupError::value("contact_angle", message, expected))
 }
 
 /// The mistake of walls that no physics of the fluid takes.
@@ -154,6 +181,25 @@ mod tests {
         ] {
             let found = refusal(&mut third, read::<FluidStructure>(keys));
             assert!(found.contains(message), "{found}");
+        }
+    }
+
+    /// The interface is continued between points of one lattice, wherever its cells begin.
+    #[test]
+    fn an_angle_needs_a_solid_on_the_lattice_of_the_fluid() {
+        for (offset, is_right) in [(2.0, true), (-3.0, true), (2.4, false)] {
+            let mut solid = block([2, 2, 1], 2, STEEL);
+            solid.name = "gate".into();
+            solid.points.position.iter_mut().for_each(|x| x.y += offset);
+            let checked = check_common_lattice(&block([2, 2, 1], 2, STEEL), &solid);
+            assert_eq!(checked.is_ok(), is_right, "{offset}");
+            if let Err(e) = checked {
+                let message = format!("{}: {e}", e.key);
+                assert!(
+                    message.starts_with("contact_angle: points of `gate` lie 0.40 spacings"),
+                    "{message}"
+                );
+            }
         }
     }
 }

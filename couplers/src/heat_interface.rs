@@ -22,6 +22,9 @@ use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::numbers::check_positive;
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::text::number;
+use perimelt_core::world::BodyIndex;
+use perimelt_core::world::facts::Fact;
+use perimelt_core::world::point_materials::{PointMaterials, PresentMaterials};
 use perimelt_core::{
     Body, Coupler, Face, Prepared, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step,
     World, Write, keys,
@@ -55,6 +58,13 @@ pub struct HeatInterface {
     pub gap: Option<f64>,
 }
 
+/// A body exchanges heat with another one.
+struct Touched {
+    other: BodyIndex,
+}
+
+impl Fact for Touched {}
+
 /// An interface that is ready to exchange heat.
 struct RunningHeatInterface {
     sides: [Side; 2],
@@ -76,6 +86,7 @@ struct Side {
     temperature: Read<f64>,
     heat_source: Write<f64>,
     heat_conductance: Write<f64>,
+    materials: PointMaterials,
     conductivity: Vec<Property>,
     curves: Vec<EnthalpyCurve>,
     cells: Vec<SurfaceCell>,
@@ -111,6 +122,7 @@ impl Side {
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
             heat_conductance: setup.add(body, &keys::HEAT_CONDUCTANCE)?,
+            materials: PointMaterials::prepare(setup, body)?,
             conductivity: setup.world().property(body, "conductivity")?,
             curves: setup.world().enthalpy_curves(body).unwrap_or_default(),
             moved: true,
@@ -142,39 +154,49 @@ impl Side {
     }
 
     /// Resistance from the point of a cell to its face at the temperature of the point, m² K/W.
-    fn resistance(&self, world: &World, cell: u32, temperature: &[f64]) -> f64 {
+    fn resistance(&self, materials: &PresentMaterials<'_>, cell: u32, temperature: &[f64]) -> f64 {
         let point = self.cells[cell as usize].point as usize;
-        let material = world.body(self.body).material_of_point[point] as usize;
         let t = temperature[point];
-        let curve = self.curves.get(material);
-        let liquid = curve.map_or(0.0, |c| c.liquid_fraction(t));
-        self.depth[cell as usize] / self.conductivity[material].at(t, liquid)
+        let conductivity = materials.conductivity(point, |m| {
+            let liquid = self.curves.get(m).map_or(0.0, |c| c.liquid_fraction(t));
+            self.conductivity[m].at(t, liquid)
+        });
+        self.depth[cell as usize] / conductivity
     }
 
     /// Least resistance from a point to its face, m² K/W.
-    fn least_resistance(&self, world: &World) -> f64 {
-        let materials = &world.body(self.body).material_of_point;
-        let resistance = |(cell, depth): (&SurfaceCell, &f64)| {
-            let material = materials[cell.point as usize] as usize;
-            depth / max_abs(&self.conductivity[material].values())
-        };
-        let cells = self.cells.iter().zip(&self.depth);
-        cells.map(resistance).fold(f64::INFINITY, f64::min)
+    fn least_resistance(&self, body: &Body) -> f64 {
+        let resistances = (0..self.cells.len()).flat_map(|cell| {
+            let point = self.cells[cell].point as usize;
+            let materials = self.materials.possible(body, point).into_iter();
+            materials.map(move |material| self.least_resistance_of(cell, material))
+        });
+        resistances.fold(f64::INFINITY, f64::min)
     }
 
-    /// Least heat capacity over the area of a cell face, J/(m² K).
-    fn least_capacity(&self, body: &Body) -> f64 {
+    /// Least resistance from the point of a cell to its face if the point is of a material, m² K/W.
+    fn least_resistance_of(&self, cell: usize, material: usize) -> f64 {
+        self.depth[cell] / max_abs(&self.conductivity[material].values())
+    }
+
+    /// Least time constant (s) of a point whose faces are in contact with a body that adds this resistance (m² K/W), whichever
+    /// of its possible materials it is of. That of a mixture is not shorter than the shorter one of both fluids.
+    fn least_time_constant(&self, body: &Body, added: f64) -> f64 {
         let mut area = vec![0.0; body.points.len()];
         for cell in &self.cells {
             area[cell.point as usize] += cell.area;
         }
-        let points = (0..area.len()).filter(|&i| area[i] > 0.0);
-        let capacity = |i: usize| {
-            let curve = self.curves.get(body.material_of_point[i] as usize);
-            let capacity = curve.map_or(f64::INFINITY, EnthalpyCurve::minimum_capacity);
-            capacity * body.points.volume[i] / area[i]
-        };
-        points.map(capacity).fold(f64::INFINITY, f64::min)
+        let constants = (0..self.cells.len()).flat_map(|cell| {
+            let point = self.cells[cell].point as usize;
+            let depth = body.points.volume[point] / area[point];
+            let materials = self.materials.possible(body, point).into_iter();
+            materials.map(move |material| {
+                let curve = self.curves.get(material);
+                let capacity = curve.map_or(f64::INFINITY, EnthalpyCurve::minimum_capacity);
+                capacity * depth * (self.least_resistance_of(cell, material) + added)
+            })
+        });
+        constants.fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -259,12 +281,17 @@ impl RunningHeatInterface {
         let [first, second] = &self.sides;
         let temperatures = [first, second].map(|side| world.read(side.temperature));
         let bodies = [first, second].map(|side| world.body(side.body));
+        let fractions = [first, second].map(|side| side.materials.fraction(world));
+        let materials: [_; 2] = std::array::from_fn(|k| {
+            (self.sides[k].materials).with(bodies[k], fractions[k].as_deref())
+        });
         let mut sources = [first, second].map(|side| world.write(side.heat_source));
         let mut conductances = [first, second].map(|side| world.write(side.heat_conductance));
         self.power = 0.0;
         for overlap in &self.overlaps {
-            let resistance =
-                |k: usize| self.sides[k].resistance(world, overlap.cells[k], &temperatures[k]);
+            let resistance = |k: usize| {
+                self.sides[k].resistance(&materials[k], overlap.cells[k], &temperatures[k])
+            };
             let points: [usize; 2] = std::array::from_fn(|k| {
                 self.sides[k].cells[overlap.cells[k] as usize].point as usize
             });
@@ -313,6 +340,14 @@ impl Coupler for HeatInterface {
             key: "other".into(),
             ..e
         })?;
+        if setup.facts::<Touched>(body).any(|t| t.other == other) {
+            let message = format!("`{}` and `{}` already exchange heat", self.body, self.other);
+            let expected = "one `heat_interface` for two bodies";
+            return Err(SetupError::value("other", message, expected));
+        }
+        for (body, other) in [(body, other), (other, body)] {
+            setup.publish(body, Touched { other })?;
+        }
         let dimensions = [body, other].map(|b| setup.body(b).dimension);
         if dimensions[0] != dimensions[1] {
             let message = format!(
@@ -368,13 +403,11 @@ impl RunningCoupler for RunningHeatInterface {
             .iter_mut()
             .for_each(|side| side.find_depths(world));
         let bodies = self.sides.each_ref().map(|s| world.body(s.body));
-        let resistance: f64 = self.resistance
-            + (0..2)
-                .map(|k| self.sides[k].least_resistance(world))
-                .sum::<f64>();
-        let capacity = (0..2).map(|k| self.sides[k].least_capacity(bodies[k]));
-        let capacity = capacity.fold(f64::INFINITY, f64::min);
-        Some(STEP_FRACTION * capacity * resistance)
+        let constant = |k: usize| {
+            let of_other = self.sides[1 - k].least_resistance(bodies[1 - k]);
+            self.sides[k].least_time_constant(bodies[k], self.resistance + of_other)
+        };
+        Some(STEP_FRACTION * constant(0).min(constant(1)))
     }
 
     fn report(&self) -> Vec<Report> {

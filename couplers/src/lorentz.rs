@@ -98,12 +98,12 @@ impl RunningCoupler for RunningLorentzForce {
         if pose.power <= 0.0 {
             return Ok(());
         }
-        let axis = pose.torch.or(self.path.torch()).unwrap_or(-Vector3::z());
+        let (spot, axis) = self.path.spot(&pose);
         let shift = world.window_shift(self.body);
         let mut force = world.write(self.force);
         let positions = &world.body(self.body).points.position;
         for (sum, position) in force.iter_mut().zip(positions) {
-            let from_spot = position + shift - pose.position;
+            let from_spot = position + shift - spot;
             let depth = from_spot.dot(&axis);
             let across = from_spot - depth * axis;
             let distance = across.norm();
@@ -121,7 +121,8 @@ perimelt_core::register_coupler!("lorentz_force", LorentzForce, supports: [Birth
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::read;
+    use crate::heat_source::GaussianSource;
+    use crate::testing::{STEEL, apply, block, prepare_after, read, values};
 
     /// Near the axis both components vanish, as `r/(2 s²)` and `r²/(4 s⁴)` times the strength; below the plate there is none.
     #[test]
@@ -155,5 +156,55 @@ mod tests {
             (across / (-density * field) - 1.0).abs() < 1e-12,
             "{across}"
         );
+    }
+
+    /// Force on a point 1 m beside the axis and 0.5 m below the top, with x, y, z turned into the axes of `turn`, by an arc over `face`.
+    fn force_below(face: &str, turn: [usize; 3], is_upper: bool, level: Option<f64>) -> [f64; 3] {
+        let turned = |v: [f64; 3]| {
+            let mut out = [0.0; 3];
+            (0..3).for_each(|a| out[turn[a]] = v[a]);
+            out
+        };
+        let height = if is_upper { 4.0 } else { 0.0 };
+        // a path off its level, which the source has instead
+        let start = turned([2.5, 2.5, height + if level.is_some() { 7.0 } else { 0.0 }]);
+        let level = level.map_or(String::new(), |l| format!(", level = {l}"));
+        let source: GaussianSource = read(&format!(
+            "toolpath.polyline = {{ start = {start:?}, segments = [{{ to = {start:?}, dwell = 1 }}] }}
+             power = 1\nradius = 1\ndepth = 1\nheated_surface = {{ face = '{face}'{level} }}"
+        ));
+        let mut world = World::new(vec![block([4, 4, 4], 3, STEEL)]);
+        let before = |setup: &mut Setup<'_>| {
+            setup.consume(0, &keys::MELT_FORCE).expect("free");
+            setup.next_plugin("arc");
+            let mut source = source;
+            source.publish_path(setup).expect("valid");
+        };
+        let arc: LorentzForce = read("source = 'arc'\ncurrent = 200\nwidth = 1\nthickness = 4");
+        let prepared = prepare_after(&mut world, before, arc, |_| ());
+        apply(&world, &mut *prepared.expect("valid").0, 0.0);
+        let at = turned([3.5, 2.5, if is_upper { 3.5 } else { 0.5 }]);
+        let positions = &world.body(0).points.position;
+        let point = positions.iter().position(|x| <[f64; 3]>::from(*x) == at);
+        let force = &values(&world, &keys::MELT_FORCE)[3 * point.expect("a point")..][..3];
+        [force[turn[0]], force[turn[1]], force[turn[2]]]
+    }
+
+    /// An arc over any face pushes into the body as one over the top does, from the level of its source.
+    #[test]
+    fn an_arc_pushes_into_the_face_that_it_heats() {
+        let top = force_below("z+", [0, 1, 2], true, None);
+        assert!(top[0] < 0.0 && top[1] == 0.0 && top[2] < 0.0, "{top:?}");
+        assert_eq!(force_below("z+", [0, 1, 2], true, Some(4.0)), top);
+        for (face, turn, is_upper) in [
+            ("z-", [0, 1, 2], false),
+            ("x+", [1, 2, 0], true),
+            ("x-", [1, 2, 0], false),
+            ("y+", [2, 0, 1], true),
+        ] {
+            let [across, other, along] = force_below(face, turn, is_upper, None);
+            let into = if is_upper { along } else { -along };
+            assert_eq!([across, other, into], top, "{face}");
+        }
     }
 }

@@ -18,7 +18,7 @@
 use perimelt_core::error::Problem;
 use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, MushyCapacity};
 use perimelt_core::parallel::ParallelLoop;
-use perimelt_core::world::TwoFluids;
+use perimelt_core::world::PointMaterials;
 use perimelt_core::{
     Coupler, Prepared, Read, ReadIfProvided, RunError, RunningCoupler, Setup, SetupError, Step,
     Stepping, World, Write, keys, world,
@@ -49,14 +49,8 @@ struct RunningPhaseChange {
     curves: Vec<EnthalpyCurve>,
     temperature: Read<f64>,
     enthalpy: ReadIfProvided<f64>,
-    fluids: Option<MeltingFluid>,
+    materials: PointMaterials,
     liquid_fraction: Write<f64>,
-}
-
-/// The first of two fluids.
-struct MeltingFluid {
-    material: usize,
-    fraction: Read<f64>,
 }
 
 /// The first property that the first material lacks, when no material of the body can melt.
@@ -95,21 +89,13 @@ impl Coupler for PhaseChange {
             is_steady: true,
             ..Stepping::default()
         });
-        let fluids = setup.facts::<TwoFluids>(body).next();
-        let fluids = fluids.and_then(|fluids| fluids.indices(setup.body(body)));
-        let fluids = match fluids {
-            Some([first, _]) => Some(MeltingFluid {
-                material: usize::from(first),
-                fraction: setup.read(body, &keys::FLUID_FRACTION)?,
-            }),
-            None => None,
-        };
+        let materials = PointMaterials::prepare(setup, body)?;
         Ok(Box::new(RunningPhaseChange {
             body,
             curves: setup.world().enthalpy_curves(body)?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             enthalpy: setup.read_if_provided(body, &keys::ENTHALPY)?,
-            fluids,
+            materials,
             liquid_fraction: setup.write(body, &keys::LIQUID_FRACTION)?,
         }))
     }
@@ -119,26 +105,20 @@ impl RunningCoupler for RunningPhaseChange {
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
         let temperature: &[f64] = &world.read(self.temperature);
         let enthalpy = world.read_if_provided(self.enthalpy);
-        let enthalpy = enthalpy.as_deref();
-        let material = &world.body(self.body).material_of_point;
-        let mut liquid_fraction = world.write(self.liquid_fraction);
-        if let Some(MeltingFluid { material, fraction }) = &self.fluids {
-            let (curve, fraction) = (&self.curves[*material], world.read(*fraction));
-            let points = liquid_fraction.par_iter_mut().zip(&*fraction);
-            let points = points.zip(temperature);
-            points
-                .for_all(|((value, c), t)| *value = c.clamp(0.0, 1.0) * curve.liquid_fraction(*t));
-            return Ok(());
-        }
-        let fraction = |point: usize| {
-            let curve = &self.curves[material[point] as usize];
-            match enthalpy {
-                Some(enthalpy) => curve.liquid_fraction_from_enthalpy(enthalpy[point]),
-                None => curve.liquid_fraction(temperature[point]),
-            }
+        // that of a mixture is the one of both fluids
+        let enthalpy = enthalpy.as_deref().filter(|_| !self.materials.are_fluids());
+        let fraction = self.materials.fraction(world);
+        let body = world.body(self.body);
+        let materials = self.materials.with(body, fraction.as_deref());
+        let liquid = |point: usize| {
+            materials.mean(point, |m| match enthalpy {
+                Some(enthalpy) => self.curves[m].liquid_fraction_from_enthalpy(enthalpy[point]),
+                None => self.curves[m].liquid_fraction(temperature[point]),
+            })
         };
+        let mut liquid_fraction = world.write(self.liquid_fraction);
         let points = liquid_fraction.par_iter_mut().enumerate();
-        points.for_all(|(point, value)| *value = fraction(point));
+        points.for_all(|(point, value)| *value = liquid(point));
         Ok(())
     }
 }

@@ -26,6 +26,8 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::expansion::ExpansionByTemperature;
+
 /// Strain from temperature and from the fraction of austenite of a `metallurgy`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -116,6 +118,7 @@ impl Coupler for PhaseExpansion {
             ));
         }
         let body = setup.find_body(self.body.as_deref())?;
+        setup.once::<ExpansionByTemperature>(body)?;
         setup.stepping(Stepping {
             is_steady: true,
             ..Stepping::default()

@@ -36,6 +36,7 @@ impl Coupler for PlasticHeat {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         check_fraction("fraction", self.fraction)?;
         let body = setup.find_body(self.body.as_deref())?;
+        setup.once::<Self>(body)?;
         let fraction = self.fraction;
         let find_factors = move |_: &World, factors: &mut [f64]| factors.fill(fraction);
         let key = &keys::PLASTIC_WORK;

@@ -29,8 +29,10 @@ pub(crate) struct WorkHeat<T> {
     heat: Vec<f64>,
     /// Name of the power in reports.
     name: &'static str,
-    /// Power of the last step, W.
-    power: f64,
+    /// Heat in the macro step so far, J.
+    energy: f64,
+    /// Duration of the macro step so far, s.
+    duration: f64,
 }
 
 impl<T: Value + Serialize + DeserializeOwned> WorkHeat<T> {
@@ -56,12 +58,17 @@ impl<T: Value + Serialize + DeserializeOwned> WorkHeat<T> {
             seen: vec![T::default(); points],
             heat: vec![0.0; points],
             name,
-            power: 0.0,
+            energy: 0.0,
+            duration: 0.0,
         }))
     }
 }
 
 impl<T: Value + Serialize + DeserializeOwned> RunningCoupler for WorkHeat<T> {
+    fn begin_step(&mut self, _world: &World, _time: f64) {
+        (self.energy, self.duration) = (0.0, 0.0);
+    }
+
     /// In a step of size zero the rate is zero.
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         (self.find_factors)(world, &mut self.factor);
@@ -92,12 +99,18 @@ impl<T: Value + Serialize + DeserializeOwned> RunningCoupler for WorkHeat<T> {
         points.for_all(|(sum, heat)| *sum += heat);
         let volume = &world.body(self.body).points.volume;
         let points = world.reducer(self.body);
-        self.power = points.sum_of([&self.heat, volume], |[heat, volume]| heat * volume);
+        let power = points.sum_of([&self.heat, volume], |[heat, volume]| heat * volume);
+        self.energy += power * step.size;
+        self.duration += step.size;
         Ok(())
     }
 
     fn report(&self) -> Vec<Report> {
-        vec![Report::new(self.name, "W", self.power)]
+        let power = match self.duration > 0.0 {
+            true => self.energy / self.duration,
+            false => 0.0,
+        };
+        vec![Report::new(self.name, "W", power)]
     }
 
     fn save(&self, world: &World) -> Box<dyn erased_serde::Serialize + '_> {

@@ -61,10 +61,7 @@ pub(crate) fn select(
             "faces within the body's dimensions",
         ));
     }
-    if let Some(twice) = (1..faces.len()).find(|n| faces[..*n].contains(&faces[*n])) {
-        let message = format!("face `{}` is given twice", faces[twice].name());
-        return Err(SetupError::value("faces", message, "each face once"));
-    }
+    Face::check_distinct("faces", faces)?;
     let mut cells = setup.body(body).surface(faces);
     if let Some(name) = region {
         let points = setup.region(body, "region", name)?.points;

@@ -8,6 +8,7 @@ use perimelt_core::body::Zone;
 use perimelt_core::field::Value;
 use perimelt_core::material::Material;
 use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::world::TwoFluids;
 use perimelt_core::world::exchange::Exchange;
 use perimelt_core::{Body, Coupler, Key, RunningCoupler, Setup, SetupError, Step, World, keys};
 
@@ -89,7 +90,34 @@ pub fn prepare<R>(
     coupler: impl Coupler + 'static,
     physics: impl FnOnce(&mut Setup<'_>) -> R,
 ) -> Result<(Box<dyn RunningCoupler>, R), SetupError> {
+    prepare_after(world, |_| (), coupler, physics)
+}
+
+/// Adds a second material to a body, `gas`, which flows through its points beside the first one.
+pub fn add_gas(body: &mut Body, material: &str) {
+    let section = toml::from_str(material).expect("a valid material");
+    let gas = Material::new("gas", section, None).expect("a valid material");
+    body.materials.push(gas);
+}
+
+/// Declares what the fluid of a body to which [`add_gas`] was applied does.
+pub fn two_fluids(setup: &mut Setup<'_>, body: usize) {
+    let materials = vec!["steel".to_owned(), "gas".to_owned()];
+    let fluids = TwoFluids { materials };
+    setup.publish(body, fluids).expect("the first");
+    setup.own(body, &keys::FLUID_FRACTION).expect("free");
+}
+
+/// [`prepare`] after a physics that declares what it does before the coupler is prepared.
+pub fn prepare_after<R>(
+    world: &mut World,
+    before: impl FnOnce(&mut Setup<'_>),
+    coupler: impl Coupler + 'static,
+    physics: impl FnOnce(&mut Setup<'_>) -> R,
+) -> Result<(Box<dyn RunningCoupler>, R), SetupError> {
     let mut setup = Setup::new(world, Path::new("."));
+    setup.next_plugin("the physics before");
+    before(&mut setup);
     setup.next_plugin("the coupler");
     let mut coupler = Box::new(coupler);
     coupler.publish(&mut setup)?;

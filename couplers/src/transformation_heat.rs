@@ -39,6 +39,7 @@ impl Coupler for TransformationHeat {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         check_at_least("latent_heat", self.latent_heat, 0.0, "J/kg")?;
         let body = setup.find_body(self.body.as_deref())?;
+        setup.once::<Self>(body)?;
         let density = setup.world().density_at_points(body)?;
         let find_factors = move |_: &World, factors: &mut [f64]| {
             let points = factors.iter_mut().zip(&density);

@@ -46,6 +46,17 @@ pub fn simulation(
     couplers: Vec<Box<dyn Coupler>>,
     end: f64,
 ) -> Simulation {
+    simulation_in_steps(body, physics, couplers, end, StepSize::Auto)
+}
+
+/// A simulation in macro steps of a size.
+pub fn simulation_in_steps(
+    body: Body,
+    physics: Vec<Box<dyn Physics>>,
+    couplers: Vec<Box<dyn Coupler>>,
+    end: f64,
+    step: StepSize,
+) -> Simulation {
     let physics = physics
         .into_iter()
         .map(|plugin| Named {
@@ -62,7 +73,7 @@ pub fn simulation(
         .collect();
     let options = TimeOptions {
         end,
-        step: StepSize::Auto,
+        step,
         stages: Vec::new(),
         safety: 0.9,
         log: LogTimes::every(end),

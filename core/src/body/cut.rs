@@ -129,6 +129,13 @@ impl Cut {
     }
 }
 
+/// Whether a cut separates two positions (m).
+pub fn severed(cuts: &[Cut], from: &Vector3<f64>, to: &Vector3<f64>) -> bool {
+    // most points are far from all cuts
+    let is_near = |cut: &&Cut| cut.distance(from).abs() <= 2.0 * (to - from).norm();
+    cuts.iter().filter(is_near).any(|cut| cut.crosses(from, to))
+}
+
 impl Body {
     /// Adds a crack; it passes through all layers of a laminate.
     pub fn sever(&mut self, cut: Cut) {

@@ -22,7 +22,7 @@ mod zones;
 
 pub(crate) use cloud::Curve;
 pub use cloud::{Cloud, Jitter};
-pub use cut::Cut;
+pub use cut::{Cut, severed};
 pub use face::Face;
 pub use horizon::{Horizon, HorizonError};
 pub use images::{BoxImage, BoxImages};

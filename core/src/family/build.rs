@@ -9,7 +9,7 @@ use crate::body::{self, Body, Discretisation, Face, Lattice, Part};
 use super::blocks::{BLOCK, BlockBuilder};
 use super::lattice::{LatticeBonds, Member};
 use super::{Chunk, Family, FamilyError, FamilySpec, Rows, Span, StencilBonds, Store};
-use crate::body::Cut;
+use crate::body::{Cut, severed};
 
 /// Points per chunk: small enough to balance two to many cores, large enough to amortise.
 const CHUNK_POINTS: u32 = 4096;
@@ -198,13 +198,6 @@ pub(super) fn continued_faces(body: &Body, spec: &FamilySpec) -> Vec<Face> {
     let goes_on = |f: &Face| spec.layers.contains(f) || body.periodic[f.axis()];
     let faces = Face::ALL.into_iter().filter(|f| f.axis() < body.dimension);
     faces.filter(goes_on).collect()
-}
-
-/// Whether a cut separates two points.
-pub(super) fn severed(cuts: &[Cut], from: &Vector3<f64>, to: &Vector3<f64>) -> bool {
-    // most points are far from all cuts
-    let is_near = |cut: &&Cut| cut.distance(from).abs() <= 2.0 * (to - from).norm();
-    cuts.iter().filter(is_near).any(|cut| cut.crosses(from, to))
 }
 
 /// The cuts of the body and their images behind the faces where it continues.

@@ -10,7 +10,7 @@ use crate::body::Body;
 use crate::cell_list::CellList;
 
 use super::balance::Balance;
-use super::build::{Share, chunks, cuts, severed};
+use super::build::{Share, chunks, cuts};
 use super::calibration::{Calibration, factor_along};
 use super::images::Images;
 use super::kernel::ROW_LANES;
@@ -19,7 +19,7 @@ use super::{
     Bond, CloudRows, Correction, Family, FamilyError, FamilySpec, PointSlots, Rows, SlotPlaces,
     Slots, Span, Store, TIE,
 };
-use crate::body::Cut;
+use crate::body::{Cut, severed};
 
 /// Bonds of a point beyond which a horizon is a mistake.
 const MOST_BONDS: usize = 65_535;

@@ -83,12 +83,12 @@ pub struct Report {
 }
 
 impl Report {
-    /// A number with its SI unit.
+    /// A number with its SI unit; a negative zero, such as the sum of nothing, becomes a positive one.
     pub fn new(name: impl Into<String>, unit: impl Into<String>, value: f64) -> Self {
         Report {
             name: name.into(),
             unit: unit.into(),
-            value,
+            value: value + 0.0,
         }
     }
 }

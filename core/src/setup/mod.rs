@@ -19,6 +19,7 @@ mod points;
 mod tests;
 
 use std::any::Any;
+use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -26,7 +27,7 @@ use crate::error::{Problem, SetupError};
 use crate::family::FamilySpec;
 use crate::stepping::Stepping;
 use crate::world::changes::{Change, Changes};
-use crate::world::facts::{Fact, FactRule};
+use crate::world::facts::{Fact, FactRule, Once};
 use crate::world::families::FamilySize;
 use crate::world::{BodyIndex, World};
 
@@ -204,6 +205,14 @@ impl<'w> Setup<'w> {
         }
         self.world.facts.publish(body, self.current, fact);
         Ok(())
+    }
+
+    /// Declares that the calling coupler computes the whole of its effect on a body.
+    ///
+    /// # Errors
+    /// A second coupler of type `C` on the body.
+    pub fn once<C: 'static>(&mut self, body: BodyIndex) -> Result<(), SetupError> {
+        self.publish(body, Once::<C>(PhantomData))
     }
 
     fn broken_rule(&self, rule: FactRule, body: BodyIndex, first: usize) -> SetupError {

@@ -3,6 +3,7 @@
 use std::any::Any;
 use std::cell::Cell;
 use std::fmt;
+use std::marker::PhantomData;
 use std::rc::Rc;
 
 use super::BodyIndex;
@@ -36,6 +37,17 @@ pub trait Fact: Any {
     fn unread(&self) -> Option<FactRule> {
         None
     }
+}
+
+/// Of each body there is one coupler of type `C`: it computes the whole of an effect, which a second one would count again.
+pub(crate) struct Once<C>(pub(crate) PhantomData<C>);
+
+impl<C: 'static> Fact for Once<C> {
+    const SECOND: Option<FactRule> = Some(FactRule {
+        key: "body",
+        message: "the whole effect on body `{body}` is that of `{first}`",
+        expected: "one such coupler for the body",
+    });
 }
 
 /// A fact that was published.

@@ -5,6 +5,7 @@
 //! exchange equals a convection of 6 kW/(m² K).
 
 use perimelt_core::material::Property;
+use perimelt_core::world::PointMaterials;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
     Coupler, Face, LoadError, Report, RunError, RunningCoupler, SavedState, Setup, SetupError,
@@ -39,6 +40,7 @@ flattened! {
 /// A radiation that is ready to act.
 struct RunningRadiation {
     body: usize,
+    materials: PointMaterials,
     ambient: RunningAmbient,
     heat: SurfaceHeat<RadiationLaw>,
 }
@@ -49,9 +51,9 @@ struct RadiationLaw {
     /// Emissivity by material.
     emissivity: Vec<Property>,
     largest_emissivity: f64,
-    /// Material by cell face; empty where there is one material.
-    material: Vec<u16>,
-    /// Version of the cell faces that `material` belongs to.
+    /// Materials by cell face, with their shares; empty where there is one material.
+    shares: Vec<[(usize, f64); 2]>,
+    /// Version of the cell faces that `shares` belong to.
     version: Option<u64>,
     /// Present temperatures of the surroundings.
     ambient: AmbientTemperatures,
@@ -61,8 +63,15 @@ struct RadiationLaw {
 
 impl SurfaceLaw for RadiationLaw {
     fn flux(&self, cell: usize, temperature: f64) -> SurfaceFlux {
-        let material = self.material.get(cell).copied().unwrap_or(0);
-        let (emissivity, slope) = self.emissivity[material as usize].with_slope(temperature);
+        let of = |material: usize| self.emissivity[material].with_slope(temperature);
+        let (emissivity, slope) = match self.shares.get(cell) {
+            None => of(0),
+            Some(shares) => {
+                let [one, other] = shares.map(|(material, share)| (of(material), share));
+                let mean = |a: f64, b: f64| one.1 * a + other.1 * b;
+                (mean(one.0.0, other.0.0), mean(one.0.1, other.0.1))
+            }
+        };
         let cube = temperature * temperature * temperature;
         let ambient = self.ambient.at(cell);
         let square = ambient * ambient;
@@ -118,7 +127,7 @@ impl Coupler for Radiation {
                 .flat_map(Property::values)
                 .fold(0.0, f64::max),
             emissivity,
-            material: Vec::new(),
+            shares: Vec::new(),
             version: None,
             ambient: self.ambient.first(),
             highest_ambient: ambients.iter().copied().fold(0.0, f64::max),
@@ -130,6 +139,7 @@ impl Coupler for Radiation {
         setup.stepping(with_programme(programme));
         Ok(Box::new(RunningRadiation {
             body,
+            materials: PointMaterials::prepare(setup, body)?,
             ambient: reach.ambient,
             heat,
         }))
@@ -144,11 +154,16 @@ impl RunningCoupler for RunningRadiation {
         self.ambient.update(world, step, around, &mut law.ambient);
         let known = law.ambient.check(step.middle());
         known.map_err(|e| RunError::wrong_value("radiation", e))?;
-        if law.emissivity.len() > 1 && law.version != Some(self.heat.version()) {
+        let is_known = law.version == Some(self.heat.version()) && !self.materials.are_fluids();
+        if law.emissivity.len() > 1 && !is_known {
             law.version = Some(self.heat.version());
-            let material = &world.body(self.body).material_of_point;
+            let fraction = self.materials.fraction(world);
+            let body = world.body(self.body);
+            let materials = self.materials.with(body, fraction.as_deref());
             let cells = self.heat.cells();
-            law.material = cells.iter().map(|c| material[c.point as usize]).collect();
+            let shares = cells.iter().map(|c| materials.shares(c.point as usize));
+            law.shares.clear();
+            law.shares.extend(shares);
         }
         Ok(())
     }
@@ -188,7 +203,13 @@ perimelt_core::register_coupler!("radiation", Radiation, supports: [Flow, Births
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{STEEL, apply, block, check_slopes, exchange, heat, read, refusal};
+    use crate::testing::{
+        STEEL, add_gas, apply, block, check_slopes, exchange, heat, prepare_after, read, refusal,
+        set, two_fluids,
+    };
+    use perimelt_core::keys;
+    use perimelt_core::world::exchange::Exchange;
+    use std::rc::Rc;
 
     fn power(table: &str) -> f64 {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
@@ -242,6 +263,33 @@ mod tests {
         ] {
             let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
             assert!(refusal(&mut world, read::<Radiation>(table)).starts_with(key));
+        }
+    }
+
+    /// A surface radiates as the fluid that is there now.
+    #[test]
+    fn two_fluids_radiate_by_their_shares() {
+        let mut body = block([3, 1, 1], 3, STEEL);
+        add_gas(&mut body, "density = 2\nemissivity = 0.1");
+        let mut world = World::new(vec![body]);
+        let fluid = |setup: &mut Setup<'_>| {
+            two_fluids(setup, 0);
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+        };
+        let radiation = read::<Radiation>("ambient = 0\nfaces = ['z+']");
+        let exchange = |setup: &mut Setup<'_>| setup.facts::<Rc<Exchange>>(0).next().cloned();
+        let prepared = prepare_after(&mut world, fluid, radiation, exchange);
+        let (mut radiation, exchange) = prepared.expect("valid");
+        let exchange = exchange.expect("one");
+        // the fluids change places
+        for fractions in [[1.0, 0.0, 0.25], [0.0, 1.0, 0.75]] {
+            set(&mut world, &keys::FLUID_FRACTION, |i| fractions[i]);
+            apply(&world, &mut *radiation, 0.0);
+            let found = heat(&world, &exchange, |_| 1000.0);
+            for (c, found) in fractions.into_iter().zip(found) {
+                let expected = -(c * 0.8 + (1.0 - c) * 0.1) * 56703.74419;
+                assert!((found / expected - 1.0).abs() < 1e-12, "{c}: {found}");
+            }
         }
     }
 }

@@ -1,5 +1,7 @@
 use super::*;
-use crate::testing::{STEEL, block, disc_in_plate, prepare, read, refusal};
+use crate::testing::{
+    STEEL, add_gas, block, disc_in_plate, prepare, prepare_after, read, refusal, set, two_fluids,
+};
 use perimelt_core::shape::{BoxShape, Shape};
 
 /// Two blocks of unit cells, the second one above the first and moved by `along` in x.
@@ -141,4 +143,62 @@ fn cells_of_two_sizes_exchange_over_their_overlaps() {
             "{step}"
         );
     }
+}
+
+/// Through the lower body flow two fluids: its resistance is that of what is there now, the step that of the quicker one.
+#[test]
+fn two_fluids_conduct_by_their_shares() {
+    let mut bodies = two(0.0).bodies().to_vec();
+    let gas = "density = 2\nspecific_heat = 1000\nconductivity = 0.5";
+    add_gas(&mut bodies[0], gas);
+    let mut world = World::new(bodies);
+    let fluid = |setup: &mut Setup<'_>| {
+        two_fluids(setup, 0);
+        for body in 0..2 {
+            setup.own(body, &keys::TEMPERATURE).expect("free");
+            setup.consume(body, &keys::HEAT_SOURCE).expect("free");
+            setup.consume(body, &keys::HEAT_CONDUCTANCE).expect("free");
+        }
+    };
+    let interface: HeatInterface = read("body = 'block'\nother = 'upper'");
+    let prepared = prepare_after(&mut world, fluid, interface, |_| ());
+    let mut interface = prepared.expect("valid").0;
+    set(&mut world, &keys::TEMPERATURE, |_| 300.0);
+    let upper = world.fields().find(1, "temperature").expect("a field");
+    world.values_mut(upper).fill(400.0);
+    for c in [1.0, 0.0, 0.25] {
+        set(&mut world, &keys::FLUID_FRACTION, |_| c);
+        interface
+            .apply(&world, Step::new(0.0, 1.0))
+            .expect("applies");
+        let series = 0.5 * (c / 40.0 + (1.0 - c) / 0.5) + 0.5 / 40.0;
+        let power = interface.report()[0].value;
+        assert!(
+            (power / (9.0 * 100.0 / series) - 1.0).abs() < 1e-12,
+            "{c}: {power}"
+        );
+    }
+    let capacity = 2.0 * 1000.0 / 3.0;
+    let step = interface.stable_step(&world).expect("a limit");
+    let expected = STEP_FRACTION * capacity * (0.5 / 0.5 + 0.5 / 40.0);
+    assert!((step / expected - 1.0).abs() < 1e-12, "{step} {expected}");
+}
+
+#[test]
+fn a_second_interface_of_two_bodies_is_refused() {
+    let mut world = two(0.0);
+    let first = |setup: &mut Setup<'_>| {
+        for body in 0..2 {
+            setup.own(body, &keys::TEMPERATURE).expect("free");
+        }
+        let first: HeatInterface = read("body = 'block'\nother = 'upper'");
+        Box::new(first).prepare(setup).expect("valid");
+    };
+    let second: HeatInterface = read("body = 'upper'\nother = 'block'");
+    let refused = prepare_after(&mut world, first, second, |_| ()).err();
+    let refused = refused.expect("the heat would count twice").to_string();
+    assert!(
+        refused.contains("`upper` and `block` already exchange heat"),
+        "{refused}"
+    );
 }

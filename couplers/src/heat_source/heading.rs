@@ -3,8 +3,7 @@
 use nalgebra::Vector3;
 use perimelt_core::Report;
 
-use super::shape::{Depositor, HeatedSurface};
-use crate::toolpath::Pose;
+use crate::toolpath::{Pose, TimedPath};
 
 /// Directions of a source.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,17 +16,15 @@ pub(super) struct Heading {
 }
 
 impl Heading {
-    /// Directions at `pose`; `moves`: whether the path has a length.
-    pub fn new(depositor: &Depositor, surface: HeatedSurface, pose: &Pose, moves: bool) -> Self {
-        let mut inward = Vector3::zeros();
-        inward[surface.face.axis()] = if surface.face.is_upper() { -1.0 } else { 1.0 };
+    /// Directions of a source on a path at `pose`; `moves`: whether the path has a length.
+    pub fn new(path: &TimedPath, pose: &Pose, moves: bool) -> Self {
         Heading {
             travel: if moves {
                 pose.direction
             } else {
                 Vector3::zeros()
             },
-            beam: pose.torch.or(depositor.axis()).unwrap_or(inward),
+            beam: path.spot(pose).1,
         }
     }
 

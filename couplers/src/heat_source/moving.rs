@@ -19,7 +19,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use super::account::{Account, mirror_copies};
 use super::heading::Heading;
 use super::lattice::{AbsorbingState, LatticeBody, grid};
-use super::shape::{Absorber, CellGrid, Cells, Depositor, Depression, HeatedSurface, SourceShape};
+use super::shape::{Absorber, CellGrid, Cells, Depositor, Depression, SourceShape};
 use super::step_positions::StepPositions;
 use crate::surface::OnBody;
 use crate::toolpath::{ClockState, Pulse, TimedPath, Toolpath, Track};
@@ -111,10 +111,11 @@ impl<S: SourceShape> MovingSource<S> {
             return Ok(path.clone());
         }
         let pulse = self.supply.pulse()?;
-        let direction = self.shape.surface().direction.map(Vector3::from);
+        let surface = self.shape.surface();
+        let direction = surface.direction.map(Vector3::from);
         let torch = direction.and_then(|d| d.try_normalize(0.0));
         let path = TimedPath::new(self.track(folder)?).pulsed(pulse);
-        let path = Rc::new(path.with_torch(torch));
+        let path = Rc::new(path.with_torch(torch).over(surface.face, surface.level));
         Ok(self.path.insert(path).clone())
     }
 
@@ -212,8 +213,7 @@ impl<S: SourceShape> MovingSource<S> {
         self.warn_of_size(setup, index);
         path.prepare(setup, index)?;
         let first = path.track().pose(path.track().start());
-        let surface = self.shape.surface();
-        let heading = Heading::new(&depositor, surface, &first, speed > 0.0);
+        let heading = Heading::new(&path, &first, speed > 0.0);
         let known = path.clone();
         setup.stepping(Stepping {
             programme: Some(Box::new(move |time| known.programme(time))),
@@ -223,7 +223,6 @@ impl<S: SourceShape> MovingSource<S> {
             body: index,
             grid,
             depositor,
-            surface,
             heat_source: setup.add(index, &keys::HEAT_SOURCE)?,
             absorption: self.absorption(setup, index)?,
             longest_way: STEP_FRACTION * finest,
@@ -295,7 +294,6 @@ struct RunningSource {
     grid: CellGrid,
     path: Rc<TimedPath>,
     depositor: Depositor,
-    surface: HeatedSurface,
     heat_source: Write<f64>,
     absorption: Absorption,
     /// Longest distance that the source may move over the points in a step while it is on, m.
@@ -370,7 +368,7 @@ impl RunningCoupler for RunningSource {
         let moves = self.speed > 0.0;
         // a jump without power does not turn the melt pool
         let pose = self.path.last_pose_with_power(step.middle());
-        self.heading = Heading::new(&self.depositor, self.surface, &pose, moves);
+        self.heading = Heading::new(&self.path, &pose, moves);
         Ok(())
     }
 

@@ -8,7 +8,7 @@ use std::cell::{Cell, RefCell};
 use nalgebra::Vector3;
 use perimelt_core::programme::{DoneFraction, Programme};
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Read, Report, Setup, SetupError, World, keys};
+use perimelt_core::{Face, Read, Report, Setup, SetupError, World, keys};
 use serde::{Deserialize, Serialize};
 
 use super::pulse::{Pulse, Pulses};
@@ -28,6 +28,8 @@ pub struct TimedPath {
     pulses: Option<Pulses>,
     /// Axis of the torch where the track does not give it.
     torch: Option<Vector3<f64>>,
+    /// The heated face and its level (m) where the track does not give it.
+    surface: (Face, Option<f64>),
     taken: RefCell<Vec<Taken>>,
     clock: RefCell<ClockState>,
     /// Start of the present step, s.
@@ -90,6 +92,7 @@ impl TimedPath {
             track,
             pulses: None,
             torch: None,
+            surface: (Face::ZMax, None),
             taken: RefCell::default(),
             clock: RefCell::default(),
             now: Cell::new(f64::NEG_INFINITY),
@@ -118,6 +121,25 @@ impl TimedPath {
     /// Axis of the torch (unit vector, into the material) where the track does not give it.
     pub(crate) fn torch(&self) -> Option<Vector3<f64>> {
         self.torch
+    }
+
+    /// This path over a heated face at a level (m), the one of the path where it is left out.
+    pub(crate) fn over(self, face: Face, level: Option<f64>) -> Self {
+        let surface = (face, level);
+        TimedPath { surface, ..self }
+    }
+
+    /// The spot (m) in the heated face and the axis (unit vector, into the material) of a source at a pose.
+    pub(crate) fn spot(&self, pose: &Pose) -> (Vector3<f64>, Vector3<f64>) {
+        let (face, level) = self.surface;
+        let mut position = pose.position;
+        if let Some(axis) = pose.torch.or(self.torch) {
+            return (position, axis);
+        }
+        if let Some(level) = level {
+            position[face.axis()] = level;
+        }
+        (position, -face.normal())
     }
 
     /// Subtracts energies (J) at times of the track (s), such as those of droplets, from the energy of the path. The fraction is

@@ -128,6 +128,7 @@ impl MeltFlow {
             "the free surface has no faces",
             "faces such as [\"z+\"], or no `surface`",
         )?;
+        Face::check_distinct("surface.faces", &surface.faces)?;
         for face in &surface.faces {
             if face.axis() >= body.dimension || body.periodic[face.axis()] {
                 let message = format!("body `{}` has no face `{}`", body.name, face.name());

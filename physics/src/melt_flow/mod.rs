@@ -36,8 +36,8 @@ use perimelt_core::world::BodyIndex;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::world::refinement::Level;
 use perimelt_core::{
-    Access, ExpectedGift, LoadError, Physics, PhysicsReport, Prepared, Read, Report, RunError,
-    RunningPhysics, SavedState, Setup, SetupError, Step, StepLimits, Work, World, Write,
+    Access, ExpectedGift, Face, LoadError, Physics, PhysicsReport, Prepared, Read, Report,
+    RunError, RunningPhysics, SavedState, Setup, SetupError, Step, StepLimits, Work, World, Write,
     keys as core_keys,
 };
 use serde::{Deserialize, Serialize};
@@ -89,6 +89,9 @@ struct Saved {
     thinnest: Option<f64>,
     /// Where the body is as a window of finer points.
     window: Option<[i64; 3]>,
+    /// Longest step in times in which the fastest melt flows over the spacing.
+    #[serde(default)]
+    longest_lag: f64,
 }
 
 #[typetag::serialize(name = "melt_flow")]
@@ -298,21 +301,34 @@ impl RunningMeltFlow {
         }
     }
 
-    /// Points across the layer under a surface that stress drives, `sqrt(nu L/v)` for a pool of the length L.
+    /// Points across the layer under a surface that stress drives, `sqrt(nu L/v)` for a pool of the length L, of which a body may
+    /// have only a half; the least of all pools.
     fn layer_points(&self, world: &World) -> Option<f64> {
         if !(self.melt.has_tension() && self.surface.is_reached() && self.saved.speed > 0.0) {
             return None;
         }
-        let position = &world.body(self.body).points.position;
-        let points = self.pool.points.iter().map(|p| position[*p as usize]);
-        let bounds = points.fold(None, |bounds, x| match bounds {
-            None => Some((x, x)),
-            Some((low, high)) => Some((x.inf(&low), x.sup(&high))),
-        });
+        let body = world.body(self.body);
         let spacing = self.pool.stencil.spacing;
-        let length = bounds.map_or(0.0, |(low, high)| (high - low).max()) + spacing;
         let viscosity = self.flow.momentum.largest_viscosity();
-        Some((viscosity * length / self.saved.speed).sqrt() / spacing)
+        let symmetry = world.symmetry(self.body);
+        let points = self.surface.pools(&self.pool).into_iter().map(|pool| {
+            let cells = || pool.iter().copied();
+            let along = |axis: usize| {
+                let at = cells().map(|c| body.points.position[self.pool.points[c] as usize][axis]);
+                let (low, high) = at.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                    (low.min(x), high.max(x))
+                });
+                let faces = symmetry.iter().filter(|f| f.axis() == axis);
+                let is_half = |f: &Face| cells().any(|c| self.pool.is_at(body, c, *f));
+                let halves = faces.copied().filter(is_half).count() as i32;
+                2.0_f64.powi(halves) * (high - low + spacing)
+            };
+            let length = (0..body.dimension).map(along).fold(0.0, f64::max);
+            let speed = self.flow.momentum.largest_speed_of(cells());
+            (viscosity * length / speed).sqrt() / spacing
+        });
+        let least = points.fold(f64::INFINITY, f64::min);
+        least.is_finite().then_some(least)
     }
 }
 
@@ -330,6 +346,8 @@ impl RunningPhysics for RunningMeltFlow {
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
         self.follow(world);
         self.cost = Cost::default();
+        let lag = step.size * self.saved.speed / self.pool.stencil.spacing;
+        self.saved.longest_lag = self.saved.longest_lag.max(lag);
         if self.pool.len() > 0 {
             self.load_cells(world);
             let (melt, pool) = (&self.melt, &self.pool);
@@ -387,9 +405,18 @@ impl RunningPhysics for RunningMeltFlow {
                  decides the speed; use a finer one or a `viscosity_factor`"
             )
         };
+        let lag = self.saved.longest_lag;
+        let is_late = lag > self.largest_lag * (1.0 + 1e-6);
+        let late = is_late.then(|| {
+            format!(
+                "in a step the melt flowed over {lag:.0} points without an exchange of heat with `thermal`, and `largest_lag` is {}: the \
+                 pool is wrong; use `step = \"auto\"` in `time`, or a shorter one",
+                self.largest_lag
+            )
+        });
         PhysicsReport {
             numbers,
-            remarks: thin.map(remark).into_iter().collect(),
+            remarks: thin.map(remark).into_iter().chain(late).collect(),
         }
     }
 

@@ -2,11 +2,12 @@
 //!
 //! Cells are in the order of their points. Behind a face of the body stands the mirror image of the cells before it: a free
 //! surface or a plane of symmetry mirrors the velocity, a wall also turns it round, so that it vanishes there. All other cells
-//! that are not in the list are walls: solid, without material, or beside the body.
+//! that are not in the list are walls: solid, without material, or beside the body, and so are cracks.
 
 use std::mem;
 
-use perimelt_core::body::Lattice;
+use nalgebra::Vector3;
+use perimelt_core::body::{Lattice, severed};
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Body, Face};
 use rayon::prelude::*;
@@ -154,7 +155,8 @@ impl Pool {
             let at = lattice.cell_of_point[*point as usize].map(i64::from);
             for bond in &self.stencil.bonds {
                 let neighbour = self.neighbour(body, lattice, at, bond.step);
-                self.neighbours.push(neighbour.unwrap_or(Neighbour {
+                let whole = neighbour.filter(|n| !self.is_severed(body, *point, bond.xi, *n));
+                self.neighbours.push(whole.unwrap_or(Neighbour {
                     cell,
                     mirrored: 0,
                     sheared: 0,
@@ -201,6 +203,42 @@ impl Pool {
         })
     }
 
+    /// Whether a crack lies between a point and its neighbour at the end of the bond `xi` (m).
+    fn is_severed(&self, body: &Body, point: u32, xi: [f64; 3], neighbour: Neighbour) -> bool {
+        let position = &body.points.position;
+        let from = &position[point as usize];
+        let to = match neighbour.mirrored {
+            0 => from + Vector3::from(xi),
+            _ => position[self.points[neighbour.cell as usize] as usize],
+        };
+        severed(&body.cuts, from, &to)
+    }
+
+    /// The pool of each cell, numbered by their first cells: melt that is connected. Returns their number, too.
+    pub(super) fn find_pools(&self) -> (usize, Vec<usize>) {
+        const NONE: usize = usize::MAX;
+        let mut pool_of = vec![NONE; self.len()];
+        let (mut count, mut open) = (0, Vec::new());
+        for first in 0..self.len() {
+            if pool_of[first] != NONE {
+                continue;
+            }
+            pool_of[first] = count;
+            open.push(first);
+            while let Some(cell) = open.pop() {
+                for neighbour in self.neighbours(cell).iter().filter(|n| n.is_open) {
+                    let other = neighbour.cell as usize;
+                    if pool_of[other] == NONE {
+                        pool_of[other] = count;
+                        open.push(other);
+                    }
+                }
+            }
+            count += 1;
+        }
+        (count, pool_of)
+    }
+
     /// Whether a cell lies at a face of the body.
     pub(super) fn is_at(&self, body: &Body, cell: usize, face: Face) -> bool {
         body.lattice().is_some_and(|lattice| {
@@ -232,7 +270,7 @@ pub(super) fn set_rows(values: &mut [f64], bonds: usize, of: impl Fn(usize, &mut
 mod tests {
     use super::*;
     use crate::testing::block;
-    use perimelt_core::body::Store;
+    use perimelt_core::body::{Cut, Store};
 
     /// A plane of 4 x 3 cells, free along y+, of which the last column is solid.
     fn pool() -> Pool {
@@ -283,5 +321,35 @@ mod tests {
         assert_eq!((pool.points.as_slice(), pool.before().len()), (&[5][..], 9));
         assert!(pool.neighbours(0).iter().all(|n| !n.is_open));
         assert_eq!((pool.cell(4), pool.cell(5)), (None, Some(0)));
+    }
+
+    /// A crack from the upper face to the middle: no bond crosses it, not even one with an image behind the face, and melt on both
+    /// sides of a longer one is not connected.
+    #[test]
+    fn melt_does_not_flow_through_cracks() {
+        let mut body = block([4, 3, 1], 2, 0.5, Store::Lattice, "density = 1");
+        let mut slips = [false; 6];
+        slips[3] = true;
+        for (lowest, pools) in [(0.5, 1), (-0.1, 2)] {
+            body.cuts = vec![Cut::segment([1.0, 1.6], [1.0, lowest]).expect("a length")];
+            let mut pool = Pool::new(&body, body.lattice().expect("a lattice"), slips);
+            assert!(pool.update(&body, |_| true));
+            for (cell, step) in [
+                (9, [1, 0, 0]),
+                (9, [1, 1, 0]),
+                (5, [1, 1, 0]),
+                (10, [-1, 1, 0]),
+            ] {
+                let across = neighbour(&pool, cell, step);
+                assert!(
+                    !across.is_open && across.cell as usize == cell,
+                    "{cell} {step:?}"
+                );
+            }
+            assert!(neighbour(&pool, 9, [-1, 1, 0]).is_open);
+            assert_eq!(neighbour(&pool, 1, [1, 0, 0]).is_open, pools == 1);
+            let (count, pool_of) = pool.find_pools();
+            assert_eq!((count, pool_of[11]), (pools, pools - 1));
+        }
     }
 }

@@ -50,6 +50,25 @@ impl Surface {
         !self.cells.is_empty()
     }
 
+    /// The cells of each pool that reaches a free face.
+    pub(super) fn pools(&self, pool: &Pool) -> Vec<Vec<usize>> {
+        let (count, pool_of) = pool.find_pools();
+        let mut reaches = vec![false; count];
+        for (cell, _) in &self.cells {
+            reaches[pool_of[*cell as usize]] = true;
+        }
+        let mut cells = vec![Vec::new(); count];
+        for (cell, of) in pool_of
+            .into_iter()
+            .enumerate()
+            .filter(|(_, of)| reaches[*of])
+        {
+            cells[of].push(cell);
+        }
+        cells.retain(|pool| !pool.is_empty());
+        cells
+    }
+
     /// Adds the acceleration of the cells by the surface tension at their temperatures (K), m/s².
     pub(super) fn add_stress(
         &self,

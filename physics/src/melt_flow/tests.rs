@@ -1,10 +1,10 @@
 //! Tests of melt flow.
 
 use perimelt_core::body::Store;
-use perimelt_core::{Physics, Simulation};
+use perimelt_core::{Coupler, Physics, Simulation, StepSize};
 
 use super::MeltFlow;
-use crate::testing::{Melting, block, read, run, set, simulation, values};
+use crate::testing::{Melting, block, read, run, set, simulation_in_steps, values};
 use crate::thermal::Thermal;
 
 const METAL: &str = "density = 7000\nspecific_heat = 500\nconductivity = 50\nviscosity = 5e-3\n\
@@ -12,12 +12,22 @@ const METAL: &str = "density = 7000\nspecific_heat = 500\nconductivity = 50\nvis
 
 /// A square of metal with 16 x 16 points of 1 mm and these temperatures, over a time (s).
 fn square(keys: &str, end: f64, temperature: impl Fn([f64; 3]) -> f64) -> Simulation {
+    square_in_steps(keys, end, StepSize::Auto, temperature)
+}
+
+fn square_in_steps(
+    keys: &str,
+    end: f64,
+    step: StepSize,
+    temperature: impl Fn([f64; 3]) -> f64,
+) -> Simulation {
     let thermal: Thermal = read("horizon = 1");
     let flow: MeltFlow = read(keys);
     // `thermal` comes first in the case, and yet the melt flows before heat is conducted
     let physics: Vec<Box<dyn Physics>> = vec![Box::new(thermal), Box::new(flow)];
     let body = block([16, 16, 1], 2, 1e-3, Store::Lattice, METAL);
-    let mut s = simulation(body, physics, vec![Box::new(Melting {})], end);
+    let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(Melting {})];
+    let mut s = simulation_in_steps(body, physics, couplers, end, step);
     set(&mut s, "temperature", |x| [temperature(x)]);
     run(&mut s);
     s
@@ -84,6 +94,42 @@ fn the_slope_of_the_surface_tension_drives_the_surface() {
         let points = reports.find(|r| r.name.ends_with("boundary_layer.points"));
         assert!(points.is_some_and(|r| r.value > 0.0));
     }
+}
+
+/// The points across the layer under the surface are those of the pool in which it is thinnest, whatever pools lie beside it.
+#[test]
+fn the_layer_under_the_surface_is_that_of_one_pool() {
+    let keys = "surface = { faces = ['y+'], tension.slope = -1e-5 }";
+    let points = |temperature: &dyn Fn([f64; 3]) -> f64| {
+        let s = square(keys, 0.05, temperature);
+        let reports = s.reports();
+        let found = (reports.iter().flat_map(|r| &r.1))
+            .find(|r| r.name.ends_with("boundary_layer.points"))
+            .map(|r| r.value);
+        found.expect("reported")
+    };
+    let left = |x: [f64; 3]| 1400.0 - 1.2e5 * (x[0] - 2e-3).abs();
+    let right = |x: [f64; 3]| 1400.0 - 1.2e5 * (x[0] - 14e-3).abs();
+    let one = points(&left);
+    assert!(
+        one > 0.0 && (points(&right) / one - 1.0).abs() < 1e-6,
+        "{one}"
+    );
+    let both = points(&|x| left(x).max(right(x)).max(900.0));
+    assert!((both / one - 1.0).abs() < 0.02, "{both} {one}");
+}
+
+/// A given step in which the melt flows farther than `largest_lag` points is told.
+#[test]
+fn a_given_step_that_is_too_long_is_told() {
+    let is_told = |step: StepSize| {
+        let keys = "surface = { faces = ['y+'], tension.slope = -1e-3 }\nlargest_lag = 0.2";
+        let s = square_in_steps(keys, 0.2, step, |x| 1400.0 - 1e4 * x[0]);
+        let mut remarks = s.remarks().into_iter();
+        remarks.any(|(_, text)| text.contains("without an exchange of heat"))
+    };
+    assert!(!is_told(StepSize::Auto));
+    assert!(is_told(StepSize::Fixed(0.02)));
 }
 
 /// Drag brings the mushy zone to rest, in which melt flows otherwise.

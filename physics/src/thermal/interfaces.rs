@@ -18,19 +18,12 @@
 use perimelt_core::family::Mirrored;
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::Reducer;
+use perimelt_core::world::point_materials::in_series;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
 /// Least distance from an interface, in spacings: points of a cloud may lie closer to each other than half a spacing.
 const LEAST_DISTANCE: f64 = 0.25;
-
-/// Conductivity (W/(m K)) of a bond whose two parts, of conductivities `k`, conduct in series; only the ratio of their
-/// `lengths` matters. Zero where both conductivities are zero.
-#[inline(always)]
-pub(super) fn in_series(k: [f64; 2], lengths: [f64; 2]) -> f64 {
-    let resistance = lengths[0] * k[1] + lengths[1] * k[0];
-    (lengths[0] + lengths[1]) * k[0] * k[1] / (resistance + f64::MIN_POSITIVE)
-}
 
 /// Conduction by temperature, conductivity and distance from the interface of the ends.
 pub(super) struct Across;
@@ -167,7 +160,7 @@ fn distance(
 
 #[cfg(test)]
 mod tests {
-    use super::in_series;
+    use super::*;
 
     #[test]
     fn parts_in_series_have_the_resistance_of_both() {

@@ -3,10 +3,10 @@
 use std::cell::Ref;
 
 use perimelt_core::material::{EnthalpyCurve, Property};
+use perimelt_core::world::point_materials::mixed_conductivity;
 use perimelt_core::world::{BodyIndex, HeatedInterface, TwoFluids};
 use perimelt_core::{Read, Setup, SetupError, World, keys};
 
-use super::interfaces::in_series;
 use super::run::RunningThermal;
 use crate::dependent_keys::need;
 use crate::heat_content::{HeatContent, LARGEST_RATIO, Mixture};
@@ -120,17 +120,12 @@ impl MixedConductivity {
         self.largest
     }
 
-    /// Conductivity of a point at a temperature (K), W/(m K): that of layers in series. In a layer that is heated from inside each
-    /// fluid conducts its own part: heat that a beam leaves in a metal must not pass its gas.
+    /// Conductivity of a point at a temperature (K), W/(m K).
     pub(super) fn at(&self, by_material: &[Property], point: usize, temperature: f64) -> f64 {
         let liquid = self.first.liquid_fraction(temperature);
         let [first, second] = self.materials.map(|m| &by_material[m as usize]);
         let k = [first.at(temperature, liquid), second.at(temperature, 0.0)];
-        let c = self.fraction[point].clamp(0.0, 1.0);
-        match self.is_parallel {
-            true => c * k[0] + (1.0 - c) * k[1],
-            false => in_series(k, [c, 1.0 - c]),
-        }
+        mixed_conductivity(k, self.fraction[point], self.is_parallel)
     }
 }
 

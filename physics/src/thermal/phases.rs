@@ -1,9 +1,8 @@
 //! Conduction of points that contain powder or austenite.
 
 use perimelt_core::material::Property;
+use perimelt_core::world::point_materials::in_series;
 use perimelt_core::{Bond, BondKernel};
-
-use super::interfaces::in_series;
 
 /// A phase with its own conductivity.
 #[derive(Debug)]

@@ -19,12 +19,13 @@ use perimelt_core::body::Layers;
 use perimelt_core::family::Mirrored;
 use perimelt_core::material::{EnthalpyCurve, HeatPotential};
 use perimelt_core::parallel::ParallelLoop;
+use perimelt_core::world::point_materials::in_series;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
 use super::{KernelInputs, Matter};
 use crate::plies::turned;
-use crate::thermal::interfaces::{Interfaces, in_series};
+use crate::thermal::interfaces::Interfaces;
 use crate::thermal::plies::{ConductingPlies, PlyConductivity};
 
 /// Points per parallel task.
