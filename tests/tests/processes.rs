@@ -4,8 +4,8 @@ mod divided;
 
 use divided::{
     BRACKET, CRACK, PERIODIC, QUENCH, WELD, cooled, correspondence, dissimilar, formulated, free,
-    jittered, layered, ordinary, shrunk, steady, still, struck, torn, weld_by,
-    with_heat_of_deformation,
+    heated, jittered, layered, ordinary, shrunk, steady, still, struck, torn, weld_by,
+    with_heat_of_deformation, zoned,
 };
 use perimelt::case::Case;
 use perimelt_core::transport::Processes;
@@ -250,6 +250,7 @@ fn clouds_have_the_same_bits_for_any_number_of_processes() {
         ("equilibrium", linear.clone(), &[2, 3]),
         ("ordinary", ordinary(&linear), &[3]),
         ("heat", cooled(), &[2, 5]),
+        ("sources", heated(), &[2, 3]),
     ];
     for (name, text, counts) in all {
         let text = jittered(&text);
@@ -258,9 +259,41 @@ fn clouds_have_the_same_bits_for_any_number_of_processes() {
         if text.contains("fracture = ") {
             assert!(alone.number("bonds.broken") > 100.0, "{name}");
         }
+        if name == "sources" {
+            for source in ["torch", "beam", "flame"] {
+                assert!(
+                    alone.number(&format!("{source} energy.deposited")) > 0.0,
+                    "{source}"
+                );
+            }
+        }
         assert_shared(&text, &alone, counts, name);
     }
     let torn = jittered(&torn("finite", "energy"));
+    assert_goes_on(&torn, 3e-6, &[(1, 3), (3, 2)]);
+}
+
+/// Bodies whose points are finer in one half.
+#[test]
+fn zones_have_the_same_bits_for_any_number_of_processes() {
+    let newton = still(".quasi_static = {}");
+    let all = [
+        ("motion", BRACKET.replace("KINEMATICS", "finite"), &[2][..]),
+        ("fracture", torn("finite", "energy"), &[3]),
+        (
+            "correspondence",
+            correspondence(&torn("finite", "stretch")),
+            &[2],
+        ),
+        ("equilibrium", newton.replace("KINEMATICS", "linear"), &[3]),
+    ];
+    for (name, text, counts) in all {
+        let text = zoned(&text);
+        let alone = run_in(1, &text, 1.0, None);
+        assert!(alone.steps > 3 && alone.fields.len() >= 3, "{name}");
+        assert_shared(&text, &alone, counts, name);
+    }
+    let torn = zoned(&torn("finite", "energy"));
     assert_goes_on(&torn, 3e-6, &[(1, 3), (3, 2)]);
 }
 
@@ -420,10 +453,8 @@ fn what_processes_cannot_share_is_refused() {
         assert!(weld.contains(right));
         refusal(&weld.replace(right, wrong))
     };
-    let cloud = "spacing = 1e-3\njitter = { amplitude = 0.1, seed = 1 }";
-    let cloud = WELD
-        .replace("HORIZON", "3")
-        .replace("spacing = 5e-4", cloud);
+    const GOLDAK: &str = "type = \"goldak\"\nname = \"torch\"\npower = 2500\nefficiency = 0.8\nhalf_width = 2e-3\ndepth = 3e-3\nfront_length = 2e-3\nrear_length = 4e-3";
+    let beam = "type = \"super_gaussian\"\nradius = 1e-3\npenetration = \"keyhole\"\nabsorptivity = 0.3\npower = 300";
     let bracket = BRACKET.replace("KINEMATICS", "finite");
     let moving = |right: &str, wrong: &str| {
         assert!(bracket.contains(right));
@@ -435,7 +466,7 @@ fn what_processes_cannot_share_is_refused() {
             "surface_stress = \"extrapolated\"\nkinematics",
         ),
         moving("region = \"foot\"", "face = \"x-\""),
-        refusal(&cloud),
+        changed(GOLDAK, beam),
         changed("spacing = 5e-4", "spacing = 1e-2"),
         refusal(PERIODIC),
     ];

@@ -23,8 +23,17 @@ pub struct Cloud {
     /// Cells are extended by this many spacings to each side, since the cells of a table leave gaps.
     slack: f64,
     pub(super) list: CellList,
-    /// Of some points of a body: whether the cells of all fill its box.
-    pub(super) whole_fills_box: Option<bool>,
+    /// Of some points of a body: what is true of all of them.
+    pub(super) whole: Option<WholeCloud>,
+}
+
+/// What is true of all points of a body of which a process has some.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WholeCloud {
+    /// Whether their cells fill the box of the body.
+    pub(super) fills_box: bool,
+    /// Smallest and largest spacing, m.
+    pub(super) spacings: [f64; 2],
 }
 
 /// Random displacement of points.
@@ -58,7 +67,7 @@ impl Cloud {
             bounds,
             slack,
             list,
-            whole_fills_box: None,
+            whole: None,
         }
     }
 
@@ -67,11 +76,11 @@ impl Cloud {
         &self,
         centre: Vec<Vector3<f64>>,
         spacing: &[f64],
-        whole_fills_box: bool,
+        whole: WholeCloud,
     ) -> Cloud {
         Cloud {
             bounds: self.bounds,
-            whole_fills_box: Some(whole_fills_box),
+            whole: Some(whole),
             ..Cloud::new(centre, spacing, self.slack)
         }
     }

@@ -337,24 +337,29 @@ impl Body {
         }
     }
 
-    /// Smallest spacing of a point, m.
+    /// Smallest spacing of a point, m; in several processes that of the whole body.
     pub fn finest_spacing(&self) -> f64 {
-        match self.lattice() {
-            Some(lattice) => lattice.spacing,
-            None => self
-                .points
-                .spacing
-                .iter()
-                .copied()
-                .fold(f64::INFINITY, f64::min),
-        }
+        self.spacings()[0]
     }
 
-    /// Largest spacing of a point, m.
+    /// Largest spacing of a point, m; in several processes that of the whole body.
     pub fn coarsest_spacing(&self) -> f64 {
-        match self.lattice() {
-            Some(lattice) => lattice.spacing,
-            None => self.points.spacing.iter().copied().fold(0.0, f64::max),
+        self.spacings()[1]
+    }
+
+    fn spacings(&self) -> [f64; 2] {
+        match &self.discretisation {
+            Discretisation::Lattice(lattice) => [lattice.spacing; 2],
+            Discretisation::Cloud(Cloud {
+                whole: Some(whole), ..
+            }) => whole.spacings,
+            _ => {
+                let each = self.points.spacing.iter().copied();
+                [
+                    each.clone().fold(f64::INFINITY, f64::min),
+                    each.fold(0.0, f64::max),
+                ]
+            }
         }
     }
 
@@ -389,8 +394,8 @@ impl Body {
             Discretisation::Lattice(lattice) => lattice.is_full(),
             Discretisation::Layers(layers) => layers.plane().fills_box(),
             Discretisation::Cloud(cloud) => {
-                if let Some(whole_fills_box) = cloud.whole_fills_box {
-                    return whole_fills_box;
+                if let Some(whole) = cloud.whole {
+                    return whole.fills_box;
                 }
                 let (min, max) = self.bounds();
                 let box_volume: f64 = (0..self.dimension).map(|a| max[a] - min[a]).product();

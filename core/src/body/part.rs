@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
+use super::cloud::WholeCloud;
 use super::{Body, Curve, Discretisation, Horizon, Lattice, NO_POINT, Points, Region};
 
 /// A part of a body: the points that it owns, then the *remote* ones around them that others own, each in the order of the whole
@@ -210,7 +211,11 @@ impl Body {
             Discretisation::Cloud(cloud) => {
                 let spacing = of(&points.spacing, numbers);
                 let centres = of(cloud.centres(), numbers);
-                Discretisation::Cloud(cloud.subset(centres, &spacing, self.fills_box()))
+                let whole = WholeCloud {
+                    fills_box: self.fills_box(),
+                    spacings: [self.finest_spacing(), self.coarsest_spacing()],
+                };
+                Discretisation::Cloud(cloud.subset(centres, &spacing, whole))
             }
             // families of layers are those of their plane grid
             Discretisation::Layers(layers) => Discretisation::Layers(layers.clone()),

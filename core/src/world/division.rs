@@ -115,12 +115,6 @@ impl World {
             let expected = "a body without `layup`, or one process";
             return Err(SetupError::value("", message, expected));
         }
-        if whole.coarsest_spacing() != whole.finest_spacing() {
-            let name = &whole.name;
-            let message = format!("points of body `{name}` have several spacings");
-            let expected = "a body of one spacing, or one process";
-            return Err(SetupError::value("", message, expected));
-        }
         let Some(owner) = partition::owners(whole, processes) else {
             let name = &whole.name;
             let message = format!("body `{name}` is too small for {processes} processes");

@@ -147,14 +147,12 @@ impl<S: SourceShape> MovingSource<S> {
 
     /// Refuses what processes cannot share yet.
     fn refuse_division(&self, setup: &mut Setup<'_>, body: BodyIndex) -> Result<(), SetupError> {
-        let is_even = setup.body(body).lattice().is_some() && self.shape.absorber().is_none();
-        if is_even {
+        if self.shape.absorber().is_none() {
             return Ok(());
         }
-        let message =
-            "several processes share sources on lattices without an interface or a keyhole only";
-        let expected = "another source or body, or one process";
-        let error = SetupError::value("", message, expected);
+        let message = "several processes share no beam that an interface or a keyhole absorbs";
+        let expected = "another `penetration`, or one process";
+        let error = SetupError::value("penetration", message, expected);
         setup.refuse(body, Change::Division, error)
     }
 

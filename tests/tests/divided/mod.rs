@@ -343,6 +343,29 @@ pub fn cooled() -> String {
     text.replace("faces = [\"z+\"]", "faces = [\"x+\"]")
 }
 
+/// The plate of the weld without a hole, heated by sources of all kinds.
+pub fn heated() -> String {
+    let text = WELD.replace("spacing = 5e-4", "spacing = 1e-3");
+    let sources = r#"[[couplers]]
+type = "gaussian_source"
+name = "beam"
+power = 200
+radius = 2e-3
+depth = 1e-3
+toolpath.line = { start = [0.02, 0.014, 0.008], end = [0.002, 0.014, 0.008], speed = 0.02 }
+
+[[couplers]]
+type = "point_source"
+name = "flame"
+power = 100
+toolpath.line = { start = [0.012, 0.002, 0.008], end = [0.012, 0.018, 0.008], speed = 0.02 }
+
+[[couplers]]
+type = "convection""#;
+    let text = text.replace("[[couplers]]\ntype = \"convection\"", sources);
+    without_hole(&text.replace("0.0085]", "0.008]")).replace("HORIZON", "1")
+}
+
 /// A plate of the size of that of the weld.
 fn without_hole(text: &str) -> String {
     let hole = text.lines().find(|line| line.contains("cylinder"));
@@ -367,6 +390,13 @@ pub fn jittered(text: &str) -> String {
         "spacing = 1e-3",
         "spacing = 1.2e-3\njitter = { amplitude = 0.15, seed = 3 }",
     )
+}
+
+/// A bracket of which one half has finer points.
+pub fn zoned(text: &str) -> String {
+    let text = text.replace("horizon = 1\n", "horizon = 1.6\n");
+    let zones = "zones = [{ min = [0, 0, 0], max = [0.012, 0.018, 0.0075], spacing = 1.5e-3 }, { min = [0.012, 0, 0], max = [0.024, 0.018, 0.0075], spacing = 7.5e-4 }]";
+    text.replace("spacing = 1e-3", zones)
 }
 
 /// The torn bracket, which a ball and a shock wave in water strike.

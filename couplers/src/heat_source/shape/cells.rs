@@ -11,6 +11,7 @@
 use nalgebra::Vector3;
 use perimelt_core::World;
 use perimelt_core::body::Discretisation;
+use perimelt_core::solver::{ExactSum, Reducer};
 use perimelt_core::world::BodyIndex;
 
 use super::{CellGrid, Deposit};
@@ -34,8 +35,8 @@ pub enum Cover {
     PartlyFull,
 }
 
-/// The cells of a body.
-#[derive(Debug, Clone, Copy)]
+/// The cells of a body, of which this process owns the first ones.
+#[derive(Debug, Clone)]
 pub struct Cells<'a> {
     /// Centre of the cell of each point, m.
     pub centre: &'a [Vector3<f64>],
@@ -51,6 +52,17 @@ pub struct Cells<'a> {
     pub bounds: [Vector3<f64>; 2],
     /// How they cover the space between the points.
     pub cover: Cover,
+    /// Sums over the cells of all processes.
+    pub reducer: Reducer,
+}
+
+/// A cell of the body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Cell {
+    /// Its point, where this process owns it.
+    pub point: Option<usize>,
+    /// Its edge, m.
+    pub size: f64,
 }
 
 impl<'a> Cells<'a> {
@@ -61,6 +73,7 @@ impl<'a> Cells<'a> {
         now: Option<&'a [Vector3<f64>]>,
         grid: CellGrid,
     ) -> Option<Cells<'a>> {
+        let reducer = world.reducer(body);
         let body = world.body(body);
         let (centre, cover, bounds) = match (now, &body.discretisation) {
             (Some(centre), _) => {
@@ -89,6 +102,7 @@ impl<'a> Cells<'a> {
             dimension: body.dimension,
             bounds,
             cover,
+            reducer,
         })
     }
 
@@ -106,7 +120,7 @@ impl<'a> Cells<'a> {
         [self.centre[point] - half, self.centre[point] + half]
     }
 
-    /// Points whose cells may meet a box, m.
+    /// Owned points whose cells may meet a box, m.
     pub(super) fn near(
         &self,
         low: Vector3<f64>,
@@ -117,18 +131,30 @@ impl<'a> Cells<'a> {
             (0..self.dimension).all(|a| centre[a] + half >= low[a] && centre[a] - half <= high[a])
         };
         let cells = self.centre.iter().zip(self.size).enumerate();
+        let cells = cells.take(self.reducer.owned());
         cells.filter(move |(_, cell)| meets(*cell)).map(|(p, _)| p)
     }
 
-    /// The point in whose cell a position (m) lies, the lowest if several do.
-    pub(super) fn point_at(&self, at: &Vector3<f64>) -> Option<usize> {
-        self.near(*at, *at).next()
+    /// The cell in which a position (m) lies, that of the lowest point if several do. All processes make the same calls.
+    pub(super) fn cell_at(&self, at: &Vector3<f64>) -> Option<Cell> {
+        self.lowest(self.near(*at, *at).next())
     }
 
-    /// [`Cells::point_at`]; where cells leave gaps and the body is not full, the nearest point within `reach` (m).
-    pub(super) fn point_for(&self, at: &Vector3<f64>, reach: f64) -> Option<usize> {
+    /// The cell of the lowest of the points that processes have found, each one of its own.
+    fn lowest(&self, own: Option<usize>) -> Option<Cell> {
+        let number = |point: usize| f64::from(self.reducer.number(point));
+        let lowest = self.reducer.min(own.map_or(f64::INFINITY, number));
+        let point = own.filter(|point| number(*point) == lowest);
+        let size = self
+            .reducer
+            .max(point.map_or(0.0, |point| self.size[point]));
+        lowest.is_finite().then_some(Cell { point, size })
+    }
+
+    /// [`Cells::cell_at`]; where cells leave gaps and the body is not full, that of the nearest point within `reach` (m).
+    pub(super) fn cell_for(&self, at: &Vector3<f64>, reach: f64) -> Option<Cell> {
         if self.cover != Cover::PartlyFull {
-            return self.point_at(at);
+            return self.cell_at(at);
         }
         let to = |point: usize| {
             let away = self.centre[point] - at;
@@ -136,8 +162,16 @@ impl<'a> Cells<'a> {
             there.map(|d| d * d).sum::<f64>()
         };
         let reach = Vector3::repeat(0.5 * reach);
-        self.near(at - reach, at + reach)
-            .min_by(|&a, &b| to(a).total_cmp(&to(b)))
+        let near = self.near(at - reach, at + reach);
+        // no process shares points that move
+        self.lowest(near.min_by(|&a, &b| to(a).total_cmp(&to(b))))
+    }
+
+    /// The sum of the parts of the cells of all processes.
+    pub(super) fn total(&self, parts: &[(usize, f64)]) -> f64 {
+        let mut sum = ExactSum::default();
+        parts.iter().for_each(|(_, part)| sum.add(*part));
+        self.reducer.total(sum)
     }
 
     /// Adds to `values` (W/m³) the `parts` of the power `asked` (W) that cells receive; `in_box` is the fraction of the
@@ -150,7 +184,7 @@ impl<'a> Cells<'a> {
         normalise: bool,
         values: &mut [f64],
     ) -> Deposit {
-        let hit: f64 = parts.iter().map(|(_, part)| part).sum();
+        let hit = self.total(parts);
         let wanted = match self.cover {
             Cover::Tiled => hit,
             Cover::FullBox => in_box,
@@ -220,6 +254,7 @@ mod tests {
             dimension: 2,
             bounds: [Vector3::zeros(), Vector3::new(5.0, 2.0, 1.0)],
             cover,
+            reducer: Reducer::alone(3),
         }
     }
 
@@ -270,14 +305,19 @@ mod tests {
             (at(4.5, 1.5), None),
             (at(-0.1, 1.0), None),
         ] {
-            assert_eq!(full.point_at(&place), point, "{place}");
-            assert_eq!(full.point_for(&place, 1.0), point, "{place}");
+            assert_eq!(full.cell_at(&place).and_then(|c| c.point), point, "{place}");
+            assert_eq!(
+                full.cell_for(&place, 1.0).and_then(|c| c.point),
+                point,
+                "{place}"
+            );
         }
         let fluid = cells(Cover::PartlyFull);
+        let point = |y: f64| fluid.cell_for(&at(4.5, y), 1.0).and_then(|c| c.point);
         // the cell of the last point ends 0.5 m below, within half of the reach; the nearest of two
-        assert_eq!(fluid.point_for(&at(4.5, 1.4), 1.0), Some(2));
-        assert_eq!(fluid.point_for(&at(4.5, 1.6), 1.0), Some(1));
-        assert_eq!(fluid.point_for(&at(4.5, 2.6), 1.0), None);
+        assert_eq!(point(1.4), Some(2));
+        assert_eq!(point(1.6), Some(1));
+        assert_eq!(point(2.6), None);
     }
 
     #[test]

@@ -141,7 +141,7 @@ impl DensityOnFace {
                     .filter(|(_, part)| *part > 0.0),
             );
         }
-        let sum: f64 = parts.iter().map(|(_, part)| part).sum();
+        let sum = cells.total(parts);
         // for cells that fill the box of the body both integrals differ by the error of the samples
         let correction = match (sum / in_box - 1.0).abs() < SAMPLING {
             true => in_box / sum,

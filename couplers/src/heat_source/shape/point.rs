@@ -127,8 +127,8 @@ impl Point {
         let inward = -1e-3 * face.normal();
         let size = [source, source + inward * cells.grid.spacing[face.axis()]]
             .iter()
-            .find_map(|at| cells.point_at(at))
-            .map_or(cells.grid.spacing[0], |point| cells.size[point]);
+            .find_map(|at| cells.cell_at(at))
+            .map_or(cells.grid.spacing[0], |cell| cell.size);
         let is_at_face = match self.heated_surface.level {
             Some(level) => (source[face.axis()] - level).abs() < 0.5 * size,
             None => true,
@@ -142,16 +142,19 @@ impl Point {
         let [xs, ys, zs] = [0, 1, 2].map(offsets);
         let fraction = 1.0 / (xs.1 * ys.1 * zs.1) as f64;
         parts.clear();
+        let mut hits = 0;
         for z in &zs.0[..zs.1] {
             for y in &ys.0[..ys.1] {
                 for x in &xs.0[..xs.1] {
                     let at = source + Vector3::new(*x, *y, *z);
-                    parts.extend(cells.point_for(&at, size).map(|point| (point, fraction)));
+                    if let Some(cell) = cells.cell_for(&at, size) {
+                        hits += 1;
+                        parts.extend(cell.point.map(|point| (point, fraction)));
+                    }
                 }
             }
         }
-        let hit: f64 = parts.iter().map(|(_, part)| part).sum();
-        cells.deposit(parts, asked, hit, true, values)
+        cells.deposit(parts, asked, fraction * f64::from(hits), true, values)
     }
 
     /// First and last cell along an axis.

@@ -171,6 +171,7 @@ impl PulsedLaser {
         };
         let intensity = self.absorbed(from, to) / (to - from);
         let mut deposited = 0.0;
+        // no process shares this source
         for (point, value) in values.iter_mut().enumerate() {
             let extent = cells.extent(point);
             let [low, high] = cells.corners(point);

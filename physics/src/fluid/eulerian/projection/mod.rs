@@ -207,7 +207,13 @@ impl Projection {
                 .map(|curves| FlowHeat::new(curves, pair.as_ref().map(|p| p.material), body)),
             thermocapillary: surfaces
                 .and_then(|laws| Thermocapillary::new(laws, body, &family, 1.0 / complete.moment)),
-            phase: pair.map(|pair| Phase::new(pair, body, &walls, wetted)),
+            phase: pair.map(|pair| {
+                let mut stencil = Vec::new();
+                family.for_each_bond(complete.point, |_, bond, _| {
+                    stencil.push((bond.xi, bond.weight));
+                });
+                Phase::new(pair, body, &walls, wetted, stencil)
+            }),
             start: vec![Vector3::zeros(); points],
             middle: vec![Vector3::zeros(); points],
             diffusion: vec![0.0; points * (dimension + 1)],

@@ -92,10 +92,11 @@ impl Phase {
         body: &Body,
         walls: &Walls,
         bodies: Vec<WettedBody>,
+        stencil: Vec<([f64; 3], f64)>,
     ) -> Self {
         let (dimension, points) = (body.dimension, body.points.len());
         Phase {
-            wetting: Wetting::new(&pair, body, walls, bodies),
+            wetting: Wetting::new(&pair, body, walls, bodies, stencil),
             pair,
             fraction: vec![0.0; points],
             gradient: vec![0.0; points * dimension],
@@ -156,7 +157,11 @@ impl Phase {
                 &mut self.curvature,
             );
         }
-        (self.wetting).set_curvature(bonds, &self.distance, eps, &mut self.curvature);
+        let normal = |i: usize| {
+            let along = own(i);
+            std::array::from_fn(|a| along.get(a).copied().unwrap_or(0.0))
+        };
+        (self.wetting).set_curvature(bonds, &self.distance, normal, eps, &mut self.curvature);
         let fraction = &self.fraction;
         let step = |i: usize| {
             let c = fraction[i];
