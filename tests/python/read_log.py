@@ -138,7 +138,7 @@ def check(path):
             require(topic in topics, f"no channel {topic}")
             require(topics[topic].message_encoding == "protobuf", f"{topic} is not protobuf")
             check_schema(summary.schemas[topics[topic].schema_id])
-            # a state beyond 2 GiB has further parts on numbered topics, with the same log time
+            # a large state has further parts on numbered topics, with the same log time
             parts = [name for name in topics if name == topic or name.startswith(topic + "/")]
             points = {}
             for _, channel, message, cloud in reader.iter_decoded_messages(topics=parts):

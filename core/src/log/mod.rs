@@ -24,7 +24,7 @@
 //! message has a chunk of its own: time series are read without unpacking point clouds, and one
 //! point cloud without unpacking its neighbours.
 //!
-//! **Size.** A message holds at most 2 GiB, the limit of protobuf libraries. A larger state is split:
+//! **Size.** A message holds at most 256 MiB, since it stands in memory as a whole. A larger state is split:
 //! the first points are on `/<body>/points`, the next ones on `/<body>/points/2`, `/<body>/points/3`
 //! and so on, all with one `log_time`, so that a viewer shows them together when all of these topics
 //! are switched on. Checkpoints are split likewise into parts of 64 MiB, byte by byte, and written while they are made. The part on the topic without a

@@ -34,9 +34,8 @@ const CHUNK_BYTES: u64 = 1 << 20;
 /// A message of this size or larger is written to a separate chunk.
 const LARGE_BYTES: usize = 1 << 18;
 
-/// The largest payload of a message. Protobuf libraries refuse messages of 2 GiB; the remainder is
-/// room for what a message holds besides its points.
-const MAX_PART_BYTES: usize = (1 << 31) - (1 << 16);
+/// The largest payload of a message, which stands in memory as a whole. Protobuf libraries refuse messages of 2 GiB.
+const MAX_PART_BYTES: usize = 1 << 28;
 
 /// The log of a run being written. Dropping it closes the file as [`finish`](Self::finish)
 /// does, but ignores its error.
@@ -164,7 +163,7 @@ impl Writer {
     }
 
     /// Logs the points of a body on `/<body>/points`, and on the topics of its parts if they take
-    /// more than 2 GiB, see the [module](super).
+    /// more than 256 MiB, see the [module](super).
     ///
     /// # Errors
     /// Unknown body, a field without as many values as its points need, or the file cannot be

@@ -167,6 +167,17 @@ impl World {
         now
     }
 
+    /// Where the points of a body are now, m: [`World::configuration`] as a list of its own, which nobody keeps.
+    pub fn positions(&self, body: BodyIndex) -> Vec<Vector3<f64>> {
+        if self.moves_freely(body) {
+            return self.configuration(body).positions().to_vec();
+        }
+        let shift = self.window_shift(body);
+        let mut positions = self.displaced(body);
+        positions.iter_mut().for_each(|x| *x += shift);
+        positions
+    }
+
     /// Where the points of a body are now, if a physics moves them: points of an updated Lagrangian fluid, and those that
     /// follow the walls of one. `None` for points at rest and for solids, whose sources and boundaries act on the
     /// reference configuration.

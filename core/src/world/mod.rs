@@ -17,8 +17,6 @@ use std::cell::{Ref, RefCell, RefMut};
 use std::rc::Rc;
 use std::sync::Arc;
 
-use nalgebra::Vector3;
-
 use crate::body::{Body, Face, Horizon, Region};
 use crate::error::{Problem, SetupError};
 use crate::family::{LayerRule, Traction};
@@ -325,11 +323,6 @@ impl World {
     pub fn symmetry(&self, body: BodyIndex) -> Vec<Face> {
         let planes = self.facts::<SymmetryPlane>(body);
         planes.map(|plane| plane.0).collect()
-    }
-
-    /// Where the points of a body are now, m: [`World::configuration`] as a list of its own.
-    pub fn positions(&self, body: BodyIndex) -> Vec<Vector3<f64>> {
-        self.configuration(body).positions().to_vec()
     }
 
     /// All fields, whatever their type: for logs, plots and checkpoints.

@@ -218,7 +218,7 @@ class LogFile:
     def parts(self, topic: str, number: int) -> list[Place]:
         """Places of message `number` of a topic and of the further parts of the same state.
 
-        A state beyond 2 GiB is split: the next points are on the topics with `/2`, `/3` and so on.
+        A large state is split: the next points are on the topics with `/2`, `/3` and so on.
         """
         places = [self.large[topic][number]]
         while True:

@@ -66,7 +66,7 @@ class State(Mapping[str, Array]):
         self.body = body
         self.number = number
         self.time = time
-        # the points, in the parts into which a state beyond 2 GiB is split
+        # the points, in the parts into which a large state is split
         self._parts = parts
         self._logged = [name for name in parts[0].dtype.names or () if name != POSITIONS]
         if any(part.dtype != parts[0].dtype for part in parts):

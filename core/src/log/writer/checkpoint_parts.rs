@@ -2,7 +2,7 @@
 
 use std::io;
 
-use super::Writer;
+use super::{MAX_PART_BYTES, Writer};
 use crate::log::{LogError, topic};
 
 /// Bytes of a part of a checkpoint.
@@ -11,6 +11,7 @@ const PART_BYTES: usize = 1 << 26;
 /// Memory for writing a state and a checkpoint of these sizes, bytes: the message of a state stays; its chunk, or the first part of a
 /// checkpoint, another one and its chunk, are released.
 pub fn memory_of_writing(state: usize, checkpoint: usize) -> usize {
+    let state = state.min(MAX_PART_BYTES);
     state + state.max(checkpoint.min(3 * PART_BYTES))
 }
 
