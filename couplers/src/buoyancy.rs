@@ -51,6 +51,7 @@ impl Coupler for Buoyancy {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         setup.once::<Self>(body)?;
+        setup.body(body).check_vector("gravity", self.gravity)?;
         setup.stepping(Stepping {
             is_steady: true,
             ..Stepping::default()

@@ -4,6 +4,28 @@ use perimelt_core::material::Property;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Setup, SetupError, SurfaceTension, TensionLaw};
 
+/// [`prepare_tension`] of a flat face, along which only differences of the tension drive. Warns of one that has none.
+///
+/// # Errors
+/// See [`prepare_tension`].
+pub(crate) fn prepare_face_tension(
+    tension: SurfaceTension,
+    key: &str,
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+    material: u16,
+) -> Result<TensionLaw, SetupError> {
+    let law = prepare_tension(tension, key, setup, body, material)?;
+    if law.is_constant() {
+        let name = &setup.body(body).materials[usize::from(material)].name();
+        let warning = format!(
+            "the `surface_tension` of `{name}` is the same at all temperatures, so that it drives nothing along the surface"
+        );
+        setup.warn(warning);
+    }
+    Ok(law)
+}
+
 /// The tension of a material of a body; mistakes are blamed on `key`. Warns of sulphur in a metal that is no steel, by its
 /// melting temperature.
 ///

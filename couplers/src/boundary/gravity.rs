@@ -28,6 +28,7 @@ struct RunningGravity {
 impl Coupler for Gravity {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
+        (setup.body(body)).check_vector("acceleration", self.acceleration)?;
         setup.world().property(body, "density")?;
         let acceleration = Vector3::from(self.acceleration);
         let densities = setup.world().reference_densities(body)?;
@@ -72,5 +73,21 @@ mod tests {
             values(&world, &keys::BODY_FORCE),
             [0.0, 0.0, -8e4, 0.0, 0.0, -8e4]
         );
+    }
+
+    #[test]
+    fn a_plane_body_has_no_weight_across_its_plane() {
+        let told = |dimension: usize, acceleration: &str| {
+            let mut world = World::new(vec![block([2, 2, 1], dimension, STEEL)]);
+            let gravity: Gravity = read(&format!("acceleration = {acceleration}"));
+            let prepared = prepare(&mut world, gravity, |setup| {
+                setup.consume(0, &keys::BODY_FORCE).expect("free");
+            });
+            prepared.err().map_or(String::new(), |e| e.to_string())
+        };
+        assert!(told(2, "[0, 0, -10]").contains("component -10 along z"));
+        assert!(told(2, "[0, nan, 0]").contains("`acceleration` is NaN"));
+        assert_eq!(told(2, "[0, -10, 0]"), "");
+        assert_eq!(told(3, "[0, 0, -10]"), "");
     }
 }

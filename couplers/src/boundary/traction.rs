@@ -168,7 +168,10 @@ impl Coupler for Traction {
         let body = setup.find_body(self.place.body.as_deref())?;
         let cells = select(setup, body, &self.faces, self.place.region.as_deref())?;
         let load = match (self.traction, &self.pressure) {
-            (Some(traction), None) => Load::Traction(traction.into()),
+            (Some(traction), None) => {
+                setup.body(body).check_vector("traction", traction)?;
+                Load::Traction(traction.into())
+            }
             (None, Some(pressure)) => {
                 let centres = face_centres(&setup.body(body).points, &cells);
                 let given = GivenValue {

@@ -118,6 +118,7 @@ impl Coupler for Wall {
             ));
         }
         let mut layers = Vec::new();
+        setup.body(body).check_vector("velocity", self.velocity)?;
         for &face in &self.faces {
             let across = self.velocity[face.axis()];
             if across != 0.0 {

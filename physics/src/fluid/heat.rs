@@ -9,7 +9,7 @@ use super::eulerian::projection::interface_temperature::LayeredConductivity;
 use super::eulerian::projection::thermocapillary::SurfaceLaws;
 use super::run::FluidRun;
 use crate::dependent_keys::need;
-use crate::tension::prepare_tension;
+use crate::tension::prepare_face_tension;
 use crate::thermal::ConductsHeat;
 
 /// State of the heat, and the amounts that are given.
@@ -66,7 +66,7 @@ impl HeatedFluid {
         let law = |FaceTension { face, tension }: FaceTension| {
             Ok((
                 face,
-                prepare_tension(tension, "surface", setup, body, material)?,
+                prepare_face_tension(tension, "surface", setup, body, material)?,
             ))
         };
         let faces: Result<_, SetupError> = faces.into_iter().map(law).collect();

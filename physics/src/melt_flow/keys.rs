@@ -1,8 +1,6 @@
 //! The `[[physics]]` table of melt flow.
 
-use perimelt_core::numbers::{
-    check_above, check_at_least, check_finite, check_positive, check_within,
-};
+use perimelt_core::numbers::{check_above, check_at_least, check_positive, check_within};
 use perimelt_core::{Body, Face, SetupError, SurfaceTension};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -113,9 +111,7 @@ impl MeltFlow {
             "a number below 1, such as 0.5",
         )?;
         if let Some(buoyancy) = &self.buoyancy {
-            for gravity in buoyancy.gravity {
-                check_finite("buoyancy.gravity", gravity)?;
-            }
+            body.check_vector("buoyancy.gravity", buoyancy.gravity)?;
             let reference = buoyancy.reference_temperature;
             check_positive("buoyancy.reference_temperature", reference, "K")?;
         }

@@ -5,7 +5,7 @@ use perimelt_core::world::{BodyIndex, PhaseChange};
 use perimelt_core::{Setup, SetupError, TensionLaw};
 
 use crate::dependent_keys::need;
-use crate::tension::prepare_tension;
+use crate::tension::prepare_face_tension;
 
 use super::keys::MeltFlow;
 
@@ -59,7 +59,8 @@ impl Melt {
             return Err(SetupError::value("body", message, expected));
         };
         let law = keys.surface.as_ref().and_then(|surface| surface.tension);
-        let tension = law.map(|law| prepare_tension(law, "surface.tension", setup, body, material));
+        let tension =
+            law.map(|law| prepare_face_tension(law, "surface.tension", setup, body, material));
         let tension = tension.transpose()?;
         let of = |name: &str| setup.world().property_of(body, material, name);
         let liquidus = curve.latent_heat().map_or(0.0, |latent| latent.liquidus);
