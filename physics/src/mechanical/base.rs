@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
+use perimelt_core::body::Horizons;
 use perimelt_core::family::{Continuation, LayerRule, WithTractions};
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::Reducer;
@@ -84,7 +85,7 @@ pub struct SolidBase {
     pub(super) family: Arc<Family>,
     pub(super) dimension: usize,
     /// Horizon of each point, m.
-    pub(super) horizons: Vec<f64>,
+    pub(super) horizons: Horizons,
     pub(super) properties: Properties,
     pub(super) elastic_law: ElasticProperties,
     /// The law of the points, if it is not linear.
@@ -125,7 +126,7 @@ impl SolidBase {
         SolidBase {
             nodes: Nodes::Points,
             dimension,
-            horizons: body.points.horizons(family.spec().horizon),
+            horizons: Horizons::of(&body.points, family.spec().horizon),
             properties,
             elastic_law: ElasticProperties {
                 is_linear: true,
@@ -153,7 +154,7 @@ impl SolidBase {
 
     /// Largest horizon, m.
     pub(super) fn largest_horizon(&self) -> f64 {
-        self.horizons.iter().copied().fold(0.0, f64::max)
+        self.horizons.largest()
     }
 
     /// Whether kinematics are finite.

@@ -24,6 +24,7 @@ mod state;
 
 use std::sync::OnceLock;
 
+use perimelt_core::body::Horizons;
 use perimelt_core::family::BrokenBonds;
 use perimelt_core::material::Property;
 use perimelt_core::solver::Reducer;
@@ -111,7 +112,7 @@ pub struct Fracture {
     /// By material.
     strength: Vec<Strength>,
     /// m, by point.
-    horizon: Vec<f64>,
+    horizon: Horizons,
     unbreakable: Vec<bool>,
     /// Bonds with limits of their own.
     crossings: Crossings,
@@ -230,7 +231,7 @@ impl Fracture {
             criterion: section.criterion,
             dimension: this.dimension,
             strength,
-            horizon: this.points.horizons(spec.horizon),
+            horizon: Horizons::of(&this.points, spec.horizon),
             unbreakable,
             crossings,
             crossing: match this.dimension {

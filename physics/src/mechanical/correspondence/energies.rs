@@ -11,7 +11,7 @@ use crate::mechanical::solid::EnergyKind;
 impl Correspondence {
     /// `sum_j w |u_j - u_i|^2` of each point, m².
     fn squared_extension(&self) -> Vec<[f64; 1]> {
-        let mut extension = vec![[0.0]; self.base.horizons.len()];
+        let mut extension = vec![[0.0]; self.base.energy.len()];
         let inputs = std::array::from_fn(|axis| self.inputs.along(axis));
         self.base.family.sum_unbroken(
             &SquaredExtension,
@@ -24,7 +24,7 @@ impl Correspondence {
 
     /// The sum of [`Correspondence::squared_extension`] without the displacement of prescribed strains that are not uniform.
     fn squared_elastic_extension(&self) -> Vec<[f64; 1]> {
-        let mut extension = vec![[0.0]; self.base.horizons.len()];
+        let mut extension = vec![[0.0]; self.base.energy.len()];
         let displacement = std::array::from_fn(|axis| self.inputs.along(axis));
         let bonds = self.base.bonds();
         self.gradient

@@ -35,7 +35,7 @@ mod weights;
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
-use perimelt_core::body::{Layer, Layers};
+use perimelt_core::body::{Horizons, Layer, Layers};
 use perimelt_core::family::Mirrored;
 use perimelt_core::{Body, Family, SetupError, SlotField, text};
 
@@ -259,7 +259,7 @@ impl Laminate {
         // the family of the base is that of points of the body, and these are points of the plane
         let mut base = SolidBase::new(body, Arc::default(), constitution, properties);
         let horizon = plane.spec().horizon.of(spacing);
-        base.horizons.fill(horizon);
+        base.horizons = Horizons::uniform(horizon);
         let points = body.points.len();
         let mut laminate = Laminate {
             base,

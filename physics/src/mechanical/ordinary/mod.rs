@@ -79,7 +79,7 @@ impl<L: BondForce> Ordinary<L> {
         };
         let mut this = Ordinary {
             law,
-            horizons_differ: base.horizons.windows(2).any(|h| h[0] != h[1]),
+            horizons_differ: base.horizons.differ(),
             dilatation: L::HAS_PRESSURE.then(|| Dilatation::new(&base.family, body)),
             gradient,
             inputs: Inputs::new(base.family.clone(), body.dimension, needs),

@@ -37,7 +37,7 @@ mod topology_tests;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Matrix6};
-use perimelt_core::body::Lattice;
+use perimelt_core::body::{Horizons, Lattice};
 use perimelt_core::{Body, Face, Family, SetupError};
 
 pub(super) use births::Births;
@@ -163,7 +163,7 @@ impl<const D: usize> Staggered<D> {
         let (points, nodes) = (body.points.len(), corners.position.len());
         // a body without bonds
         let mut base = SolidBase::new(body, Arc::new(Family::default()), constitution, properties);
-        base.horizons.fill(lattice.spacing);
+        base.horizons = Horizons::uniform(lattice.spacing);
         base.nodes = Nodes::Corners(corners.clone());
         base.set_law(law);
         let behind = |point: usize, face: Face| {
