@@ -1,6 +1,7 @@
 //! Ranges of the numbers that a case gives. A key that is left out is in every range; `unit` is empty for a plain number. Each check
-//! returns the number.
+//! returns the number. Also of vectors and lists of faces.
 
+use crate::body::{Body, Face};
 use crate::error::SetupError;
 
 /// Refuses a number that is not above zero or not finite.
@@ -75,6 +76,39 @@ pub fn check_within<T: Into<Option<f64>> + Copy>(
 /// Names the key and its value.
 pub fn check_finite<T: Into<Option<f64>> + Copy>(key: &str, value: T) -> Result<T, SetupError> {
     check(key, value, f64::is_finite, || "a finite number".into())
+}
+
+/// Refuses a vector with a component that is not finite or along an axis that the body does not have.
+///
+/// # Errors
+/// The first such component.
+pub fn check_vector(key: &str, vector: [f64; 3], body: &Body) -> Result<(), SetupError> {
+    for (axis, component) in vector.into_iter().enumerate() {
+        check_finite(key, component)?;
+        if axis >= body.dimension && component != 0.0 {
+            let (name, axis) = (&body.name, ["x", "y", "z"][axis]);
+            let message = format!(
+                "`{key}` has the component {component} along {axis}, and body `{name}` has {} dimensions",
+                body.dimension
+            );
+            return Err(SetupError::value(key, message, format!("0 along {axis}")));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a list of faces in which one occurs twice.
+///
+/// # Errors
+/// The first face that occurs again.
+pub fn check_distinct(key: &str, faces: &[Face]) -> Result<(), SetupError> {
+    match (1..faces.len()).find(|n| faces[..*n].contains(&faces[*n])) {
+        None => Ok(()),
+        Some(twice) => {
+            let message = format!("face `{}` is given twice", faces[twice].name());
+            Err(SetupError::value(key, message, "each face once"))
+        }
+    }
 }
 
 fn check<T: Into<Option<f64>> + Copy>(

@@ -7,7 +7,8 @@
 
 use nalgebra::Vector3;
 use perimelt_core::material::{Expansion, MaterialError, ThermalState};
-use perimelt_core::world::PointMaterials;
+use perimelt_core::numbers::check_vector;
+use perimelt_core::setup::PointMaterials;
 use perimelt_core::{
     Coupler, Prepared, Read, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World,
     Write, keys,
@@ -51,7 +52,7 @@ impl Coupler for Buoyancy {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
         setup.once::<Self>(body)?;
-        setup.body(body).check_vector("gravity", self.gravity)?;
+        check_vector("gravity", self.gravity, setup.body(body))?;
         setup.stepping(Stepping {
             is_steady: true,
             ..Stepping::default()

@@ -20,11 +20,11 @@ use perimelt_core::body::SurfaceCell;
 use perimelt_core::cell_list::CellList;
 use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::numbers::check_positive;
+use perimelt_core::setup::{PointMaterials, PresentMaterials};
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::text::number;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::facts::Fact;
-use perimelt_core::world::point_materials::{PointMaterials, PresentMaterials};
 use perimelt_core::{
     Body, Coupler, Face, Prepared, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step,
     World, Write, keys,

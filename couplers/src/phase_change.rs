@@ -18,7 +18,7 @@
 use perimelt_core::error::Problem;
 use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, MushyCapacity};
 use perimelt_core::parallel::ParallelLoop;
-use perimelt_core::world::PointMaterials;
+use perimelt_core::setup::PointMaterials;
 use perimelt_core::{
     Coupler, Prepared, Read, ReadIfProvided, RunError, RunningCoupler, Setup, SetupError, Step,
     Stepping, World, Write, keys, world,

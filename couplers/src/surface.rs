@@ -4,6 +4,7 @@ use std::cell::{Ref, RefCell, RefMut};
 use std::rc::Rc;
 
 use perimelt_core::body::SurfaceCell;
+use perimelt_core::numbers::check_distinct;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::exchange::{Exchange, FreeFaces, NewExchange, SurfaceDepth, SurfaceLaw};
 use perimelt_core::world::surrounding_body::{NewSurroundingBody, SurroundingBody};
@@ -61,7 +62,7 @@ pub(crate) fn select(
             "faces within the body's dimensions",
         ));
     }
-    Face::check_distinct("faces", faces)?;
+    check_distinct("faces", faces)?;
     let mut cells = setup.body(body).surface(faces);
     if let Some(name) = region {
         let points = setup.region(body, "region", name)?.points;

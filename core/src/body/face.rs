@@ -3,7 +3,6 @@
 use nalgebra::Vector3;
 
 use super::Body;
-use crate::error::SetupError;
 
 /// One of the six faces of a body's box.
 #[derive(
@@ -41,20 +40,6 @@ pub enum Face {
 }
 
 impl Face {
-    /// Refuses a list of faces, the value of a key, in which one occurs twice.
-    ///
-    /// # Errors
-    /// The first face that occurs again.
-    pub fn check_distinct(key: &str, faces: &[Face]) -> Result<(), SetupError> {
-        match (1..faces.len()).find(|n| faces[..*n].contains(&faces[*n])) {
-            None => Ok(()),
-            Some(twice) => {
-                let message = format!("face `{}` is given twice", faces[twice].name());
-                Err(SetupError::value(key, message, "each face once"))
-            }
-        }
-    }
-
     /// All faces.
     pub const ALL: [Face; 6] = [
         Face::XMin,

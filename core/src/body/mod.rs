@@ -41,9 +41,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use crate::axis::Axis;
-use crate::error::SetupError;
 use crate::material::Material;
-use crate::numbers::check_finite;
 use crate::shape::{Bounds, Shape};
 use crate::text::{number, position};
 
@@ -339,25 +337,6 @@ impl Body {
                 0.5 * self.points.spacing[point]
             }
         }
-    }
-
-    /// Refuses a vector, the value of a key, with a component that is not finite or along an axis that the body does not have.
-    ///
-    /// # Errors
-    /// The first such component.
-    pub fn check_vector(&self, key: &str, vector: [f64; 3]) -> Result<(), SetupError> {
-        for (axis, component) in vector.into_iter().enumerate() {
-            check_finite(key, component)?;
-            if axis >= self.dimension && component != 0.0 {
-                let (name, axis) = (&self.name, ["x", "y", "z"][axis]);
-                let message = format!(
-                    "`{key}` has the component {component} along {axis}, and body `{name}` has {} dimensions",
-                    self.dimension
-                );
-                return Err(SetupError::value(key, message, format!("0 along {axis}")));
-            }
-        }
-        Ok(())
     }
 
     /// Smallest spacing of a point, m; in several processes that of the whole body.

@@ -15,6 +15,7 @@
 mod directional;
 mod enthalpy;
 mod expansion;
+mod mixture;
 mod potential;
 mod property;
 mod section;
@@ -30,6 +31,7 @@ pub use enthalpy::{
     EnthalpyCurve, EnthalpyError, LatentHeat, LatentHeatForm, MushyCapacity, REFERENCE_TEMPERATURE,
 };
 pub use expansion::{Expansion, ExpansionError, KINDS as EXPANSION_KINDS, ThermalState};
+pub use mixture::{in_series, mixed_conductivity};
 pub use potential::HeatPotential;
 pub use property::Property;
 pub use section::MaterialSection;

@@ -8,7 +8,6 @@ pub mod exchange;
 pub mod facts;
 pub mod families;
 mod materials;
-pub mod point_materials;
 pub mod refinement;
 mod surface_depths;
 pub mod surrounding_body;
@@ -32,7 +31,6 @@ use exchange::{Exchange, SurfaceDepth};
 use facts::{Fact, FactRule, Facts};
 use families::WorldFamily;
 pub use materials::PhaseChange;
-pub use point_materials::PointMaterials;
 use refinement::Refinement;
 pub use surface_depths::SurfaceDepths;
 

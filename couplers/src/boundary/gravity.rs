@@ -1,6 +1,7 @@
 //! Weight: `body_force += rho g`, with the reference density of each material.
 
 use nalgebra::Vector3;
+use perimelt_core::numbers::check_vector;
 use perimelt_core::{Coupler, Prepared, RunError, RunningCoupler, Setup, Step, World, Write, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -28,7 +29,7 @@ struct RunningGravity {
 impl Coupler for Gravity {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
-        (setup.body(body)).check_vector("acceleration", self.acceleration)?;
+        check_vector("acceleration", self.acceleration, setup.body(body))?;
         setup.world().property(body, "density")?;
         let acceleration = Vector3::from(self.acceleration);
         let densities = setup.world().reference_densities(body)?;

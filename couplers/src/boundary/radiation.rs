@@ -5,7 +5,7 @@
 //! exchange equals a convection of 6 kW/(m² K).
 
 use perimelt_core::material::Property;
-use perimelt_core::world::PointMaterials;
+use perimelt_core::setup::PointMaterials;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
     Coupler, Face, LoadError, Report, RunError, RunningCoupler, SavedState, Setup, SetupError,

@@ -13,6 +13,7 @@ use nalgebra::Vector3;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::family::LayerRule;
 use perimelt_core::in_space::PlacedError;
+use perimelt_core::numbers::check_vector;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
     Coupler, Face, GivenValue, InSpace, LayerRole, Placed, Prepared, Programme, Report, RunError,
@@ -169,7 +170,7 @@ impl Coupler for Traction {
         let cells = select(setup, body, &self.faces, self.place.region.as_deref())?;
         let load = match (self.traction, &self.pressure) {
             (Some(traction), None) => {
-                setup.body(body).check_vector("traction", traction)?;
+                check_vector("traction", traction, setup.body(body))?;
                 Load::Traction(traction.into())
             }
             (None, Some(pressure)) => {

@@ -8,7 +8,7 @@
 //! A wall does not know which fluids meet there: it publishes the contact angle, for whoever has an interface, and the tension of a
 //! surface, for whoever has a temperature.
 
-use perimelt_core::numbers::check_within;
+use perimelt_core::numbers::{check_vector, check_within};
 use perimelt_core::world::{ContactAngle, FaceTension, LayerHandle, WallPlace};
 use perimelt_core::{
     Coupler, Face, LayerRole, Prepared, RunError, RunningCoupler, Setup, SetupError, Step,
@@ -118,7 +118,7 @@ impl Coupler for Wall {
             ));
         }
         let mut layers = Vec::new();
-        setup.body(body).check_vector("velocity", self.velocity)?;
+        check_vector("velocity", self.velocity, setup.body(body))?;
         for &face in &self.faces {
             let across = self.velocity[face.axis()];
             if across != 0.0 {

@@ -1,6 +1,8 @@
 //! The `[[physics]]` table of melt flow.
 
-use perimelt_core::numbers::{check_above, check_at_least, check_positive, check_within};
+use perimelt_core::numbers::{
+    check_above, check_at_least, check_distinct, check_positive, check_vector, check_within,
+};
 use perimelt_core::{Body, Face, SetupError, SurfaceTension};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -111,7 +113,7 @@ impl MeltFlow {
             "a number below 1, such as 0.5",
         )?;
         if let Some(buoyancy) = &self.buoyancy {
-            body.check_vector("buoyancy.gravity", buoyancy.gravity)?;
+            check_vector("buoyancy.gravity", buoyancy.gravity, body)?;
             let reference = buoyancy.reference_temperature;
             check_positive("buoyancy.reference_temperature", reference, "K")?;
         }
@@ -124,7 +126,7 @@ impl MeltFlow {
             "the free surface has no faces",
             "faces such as [\"z+\"], or no `surface`",
         )?;
-        Face::check_distinct("surface.faces", &surface.faces)?;
+        check_distinct("surface.faces", &surface.faces)?;
         for face in &surface.faces {
             if face.axis() >= body.dimension || body.periodic[face.axis()] {
                 let message = format!("body `{}` has no face `{}`", body.name, face.name());

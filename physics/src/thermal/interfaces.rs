@@ -16,9 +16,9 @@
 //! resistance of a layer thinner than the horizon is neglected by bonds that cross it.
 
 use perimelt_core::family::Mirrored;
+use perimelt_core::material::in_series;
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::Reducer;
-use perimelt_core::world::point_materials::in_series;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
