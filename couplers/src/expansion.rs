@@ -165,7 +165,6 @@ pub(crate) fn expansions_from(
 impl Coupler for ThermalExpansion {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
-        setup.once::<ExpansionByTemperature>(body)?;
         let positions = setup.body(body).points.position.clone();
         let key = "reference_temperature";
         let given = GivenValue {
@@ -199,6 +198,7 @@ impl Coupler for ThermalExpansion {
             ..Stepping::default()
         });
         let expansion = expansions_from(setup, body, &reference)?;
+        setup.once::<ExpansionByTemperature>(body)?;
         Ok(Box::new(RunningThermalExpansion {
             body,
             temperature,

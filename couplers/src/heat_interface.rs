@@ -20,7 +20,6 @@ use perimelt_core::body::SurfaceCell;
 use perimelt_core::cell_list::CellList;
 use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::numbers::check_positive;
-use perimelt_core::setup::{PointMaterials, PresentMaterials};
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::text::number;
 use perimelt_core::world::BodyIndex;
@@ -31,6 +30,8 @@ use perimelt_core::{
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::point_materials::{PointMaterials, PresentMaterials};
 
 /// Fraction of the time constant of the exchange that a step may take.
 const STEP_FRACTION: f64 = 0.5;

@@ -72,6 +72,7 @@ pub mod phase_change;
 pub mod phase_expansion;
 pub mod phase_strength;
 pub mod plastic_heat;
+mod point_materials;
 pub mod powder;
 #[cfg(test)]
 mod programme_tests;

@@ -171,7 +171,7 @@ mod tests {
         let level = level.map_or(String::new(), |l| format!(", level = {l}"));
         let source: GaussianSource = read(&format!(
             "toolpath.polyline = {{ start = {start:?}, segments = [{{ to = {start:?}, dwell = 1 }}] }}
-             power = 1\nradius = 1\ndepth = 1\nheated_surface = {{ face = '{face}'{level} }}"
+             power = 1\nsigma = 1\neffective_depth = 1\nheated_surface = {{ face = '{face}'{level} }}"
         ));
         let mut world = World::new(vec![block([4, 4, 4], 3, STEEL)]);
         let before = |setup: &mut Setup<'_>| {

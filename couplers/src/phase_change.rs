@@ -18,7 +18,6 @@
 use perimelt_core::error::Problem;
 use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, MushyCapacity};
 use perimelt_core::parallel::ParallelLoop;
-use perimelt_core::setup::PointMaterials;
 use perimelt_core::{
     Coupler, Prepared, Read, ReadIfProvided, RunError, RunningCoupler, Setup, SetupError, Step,
     Stepping, World, Write, keys, world,
@@ -26,6 +25,8 @@ use perimelt_core::{
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::point_materials::PointMaterials;
 
 /// Latent heat; needs the material properties `solidus`, `liquidus` and `latent_heat`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]

@@ -14,7 +14,6 @@ mod bodies;
 mod exchanges;
 mod families;
 mod layers;
-mod point_materials;
 mod points;
 #[cfg(test)]
 mod tests;
@@ -35,7 +34,6 @@ use crate::world::{BodyIndex, World};
 pub use access::{Access, Declaration, ExpectedGift};
 pub use bodies::GivenValue;
 pub use layers::{ClaimedLayers, LayerRole};
-pub use point_materials::{PointMaterials, PresentMaterials};
 
 /// Something that can be run and may be a mistake.
 #[derive(Clone, Debug, PartialEq, Eq)]

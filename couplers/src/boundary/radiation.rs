@@ -5,7 +5,6 @@
 //! exchange equals a convection of 6 kW/(m² K).
 
 use perimelt_core::material::Property;
-use perimelt_core::setup::PointMaterials;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
     Coupler, Face, LoadError, Report, RunError, RunningCoupler, SavedState, Setup, SetupError,
@@ -14,6 +13,7 @@ use perimelt_core::{
 
 use super::ambient::{Ambient, AmbientTemperatures, RunningAmbient};
 use super::with_programme;
+use crate::point_materials::PointMaterials;
 use crate::surface::{OnSurface, SurfaceHeat, all_faces};
 
 /// Stefan-Boltzmann constant, W/(m² K⁴).

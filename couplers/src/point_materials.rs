@@ -2,17 +2,13 @@
 
 use std::cell::Ref;
 
-use crate::body::Body;
-use crate::error::SetupError;
-use crate::field::{Read, keys};
-use crate::material::mixed_conductivity;
-use crate::world::{BodyIndex, HeatedInterface, TwoFluids, World};
-
-use super::Setup;
+use perimelt_core::material::mixed_conductivity;
+use perimelt_core::world::{BodyIndex, HeatedInterface, TwoFluids};
+use perimelt_core::{Body, Read, Setup, SetupError, World, keys};
 
 /// How properties of a point follow from its materials: each point has one, or two fluids flow through the points.
 #[derive(Clone, Copy, Debug)]
-pub struct PointMaterials {
+pub(crate) struct PointMaterials {
     fluids: Option<FlowingFluids>,
 }
 
@@ -28,7 +24,7 @@ struct FlowingFluids {
 
 /// The materials of the points at a time.
 #[derive(Clone, Copy, Debug)]
-pub struct PresentMaterials<'a> {
+pub(crate) struct PresentMaterials<'a> {
     material: &'a [u16],
     mixture: Option<(FlowingFluids, &'a [f64])>,
 }
