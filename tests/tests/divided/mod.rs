@@ -350,8 +350,8 @@ pub fn heated() -> String {
 type = "gaussian_source"
 name = "beam"
 power = 200
-radius = 2e-3
-depth = 1e-3
+sigma = 1e-3
+effective_depth = 1e-3
 toolpath.line = { start = [0.02, 0.014, 0.008], end = [0.002, 0.014, 0.008], speed = 0.02 }
 
 [[couplers]]
