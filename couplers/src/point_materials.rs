@@ -77,10 +77,9 @@ impl PresentMaterials<'_> {
     pub fn mean(&self, point: usize, of: impl Fn(usize) -> f64) -> f64 {
         match self.mixture {
             None => of(usize::from(self.material[point])),
-            Some((fluids, fraction)) => {
-                let c = fraction[point].clamp(0.0, 1.0);
-                let [first, second] = fluids.materials.map(|m| of(usize::from(m)));
-                c * first + (1.0 - c) * second
+            Some(_) => {
+                let [first, second] = self.shares(point).map(|(m, share)| share * of(m));
+                first + second
             }
         }
     }

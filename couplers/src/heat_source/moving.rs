@@ -115,7 +115,7 @@ impl<S: SourceShape> MovingSource<S> {
         let direction = surface.direction.map(Vector3::from);
         let torch = direction.and_then(|d| d.try_normalize(0.0));
         let path = TimedPath::new(self.track(folder)?).pulsed(pulse);
-        let path = Rc::new(path.with_torch(torch).over(surface.face, surface.level));
+        let path = Rc::new(path.over((surface.face, surface.level), torch));
         Ok(self.path.insert(path).clone())
     }
 

@@ -113,20 +113,19 @@ impl TimedPath {
         }
     }
 
-    /// This path with an axis of the torch (unit vector, into the material) where the track does not give it.
-    pub(crate) fn with_torch(self, torch: Option<Vector3<f64>>) -> Self {
-        TimedPath { torch, ..self }
+    /// This path over a heated face at a level (m), that of the path where it is left out, with an axis of the torch (unit vector, into
+    /// the material) where the track does not give it.
+    pub(crate) fn over(self, surface: (Face, Option<f64>), torch: Option<Vector3<f64>>) -> Self {
+        TimedPath {
+            surface,
+            torch,
+            ..self
+        }
     }
 
     /// Axis of the torch (unit vector, into the material) where the track does not give it.
     pub(crate) fn torch(&self) -> Option<Vector3<f64>> {
         self.torch
-    }
-
-    /// This path over a heated face at a level (m), the one of the path where it is left out.
-    pub(crate) fn over(self, face: Face, level: Option<f64>) -> Self {
-        let surface = (face, level);
-        TimedPath { surface, ..self }
     }
 
     /// The spot (m) in the heated face and the axis (unit vector, into the material) of a source at a pose.

@@ -311,6 +311,8 @@ impl RunningMeltFlow {
         let spacing = self.pool.stencil.spacing;
         let viscosity = self.flow.momentum.largest_viscosity();
         let symmetry = world.symmetry(self.body);
+        // that of the field, which a restart restores
+        let velocity = world.read::<Vector3<f64>>(self.fields.velocity.into());
         let points = self.surface.pools(&self.pool).into_iter().map(|pool| {
             let cells = || pool.iter().copied();
             let along = |axis: usize| {
@@ -324,7 +326,8 @@ impl RunningMeltFlow {
                 2.0_f64.powi(halves) * (high - low + spacing)
             };
             let length = (0..body.dimension).map(along).fold(0.0, f64::max);
-            let speed = self.flow.momentum.largest_speed_of(cells());
+            let speeds = cells().map(|c| velocity[self.pool.points[c] as usize].norm());
+            let speed = speeds.fold(0.0, f64::max);
             (viscosity * length / speed).sqrt() / spacing
         });
         let least = points.fold(f64::INFINITY, f64::min);

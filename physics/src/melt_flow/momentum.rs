@@ -105,12 +105,7 @@ impl Momentum {
     }
 
     pub(super) fn largest_speed(&self) -> f64 {
-        self.largest_speed_of(0..self.velocity.len())
-    }
-
-    /// Largest speed of some cells, m/s.
-    pub(super) fn largest_speed_of(&self, cells: impl Iterator<Item = usize>) -> f64 {
-        let squares = cells.map(|cell| dot(self.velocity[cell], self.velocity[cell]));
+        let squares = self.velocity.iter().map(|v| dot(*v, *v));
         squares.fold(0.0, f64::max).sqrt()
     }
 

@@ -2,8 +2,7 @@
 
 use std::cell::Ref;
 
-use perimelt_core::material::mixed_conductivity;
-use perimelt_core::material::{EnthalpyCurve, Property};
+use perimelt_core::material::{EnthalpyCurve, Property, mixed_conductivity};
 use perimelt_core::world::{BodyIndex, HeatedInterface, TwoFluids};
 use perimelt_core::{Read, Setup, SetupError, World, keys};
 

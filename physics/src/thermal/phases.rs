@@ -1,7 +1,6 @@
 //! Conduction of points that contain powder or austenite.
 
-use perimelt_core::material::Property;
-use perimelt_core::material::in_series;
+use perimelt_core::material::{Property, in_series};
 use perimelt_core::{Bond, BondKernel};
 
 /// A phase with its own conductivity.

@@ -103,11 +103,6 @@ impl Depositor {
         self.efficiency
     }
 
-    /// Axis of the torch (unit vector, into the material) where it is not normal to the heated face.
-    pub fn axis(&self) -> Option<Vector3<f64>> {
-        self.axis
-    }
-
     /// Refuses what needs a lattice.
     ///
     /// # Errors

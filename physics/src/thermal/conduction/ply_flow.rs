@@ -17,8 +17,7 @@
 
 use perimelt_core::body::Layers;
 use perimelt_core::family::Mirrored;
-use perimelt_core::material::in_series;
-use perimelt_core::material::{EnthalpyCurve, HeatPotential};
+use perimelt_core::material::{EnthalpyCurve, HeatPotential, in_series};
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
