@@ -47,7 +47,8 @@ impl Coupler for Cut {
         let body = setup.find_body(self.body.as_deref())?;
         check_at_least("time", self.time, 0.0, "s")?;
         let points = setup.region(body, "region", &self.region)?.points;
-        if points.len() == setup.body(body).points.len() {
+        let is_part = points.len() < setup.body(body).points.len();
+        if !setup.world().processes().any(is_part) {
             let message = format!("region `{}` is the whole body", self.region);
             return Err(SetupError::value("region", message, "a part of the body"));
         }
@@ -73,7 +74,8 @@ impl RunningCoupler for RunningCut {
                 .iter()
                 .all(|&n| !is_active(activity[n as usize]))
         };
-        if world.activity(self.body).is_some_and(|a| is_done(&a)) {
+        let has_material = world.activity(self.body).is_none_or(|a| !is_done(&a));
+        if !world.processes().any(has_material) {
             return Ok(());
         }
         let mut active = world.write(self.active);
@@ -89,7 +91,7 @@ impl RunningCoupler for RunningCut {
     }
 }
 
-perimelt_core::register_coupler!("cut", Cut, supports: [Births, Cuts]);
+perimelt_core::register_coupler!("cut", Cut, supports: [Births, Cuts, Division]);
 
 #[cfg(test)]
 mod tests {

@@ -78,7 +78,7 @@ impl RunningCoupler for RunningPowder {
     }
 }
 
-perimelt_core::register_coupler!("powder", Powder, supports: [Motion, Births, Cuts]);
+perimelt_core::register_coupler!("powder", Powder, supports: [Motion, Births, Cuts, Division]);
 
 #[cfg(test)]
 mod tests {

@@ -2,133 +2,21 @@
 
 mod divided;
 
-use divided::{
+use divided::build::{BUILD, MOVING_BAR, solid};
+use divided::cases::{
     BRACKET, CRACK, PERIODIC, QUENCH, WELD, cooled, correspondence, dissimilar, formulated, free,
     heated, jittered, layered, ordinary, shrunk, steady, still, struck, torn, weld_by,
     with_heat_of_deformation, zoned,
 };
+use divided::{assert_goes_on, assert_shared, run_in};
 use perimelt::case::Case;
-use perimelt_core::transport::Processes;
 use perimelt_tests::in_processes;
-
-/// What a run ends with: fields of the whole body, balances and reports, as bits, and a checkpoint.
-struct End {
-    fields: Vec<(String, Vec<u64>)>,
-    numbers: Vec<(String, u64)>,
-    steps: u64,
-    checkpoint: Vec<u8>,
-}
-
-impl End {
-    /// The number whose name ends so.
-    fn number(&self, name: &str) -> f64 {
-        let found = self.numbers.iter().find(|(n, _)| n.ends_with(name));
-        let names = || {
-            self.numbers
-                .iter()
-                .map(|(name, _)| name)
-                .collect::<Vec<_>>()
-        };
-        f64::from_bits(found.unwrap_or_else(|| panic!("{name}: {:?}", names())).1)
-    }
-}
-
-/// Runs the case to a time (s), from a checkpoint where there is one, as one of some processes; `None` in all but the first.
-fn run(text: &str, until: f64, start: Option<&[u8]>, processes: Processes) -> Option<End> {
-    let case = Case::parse("case.toml", text.into(), ".".as_ref()).expect("valid");
-    let mut simulation = case.compose_shared(processes.clone()).expect("valid");
-    match start {
-        Some(checkpoint) => simulation
-            .load(checkpoint)
-            .expect("a checkpoint of the case"),
-        None => case.start(&mut simulation).expect("a state"),
-    }
-    while !simulation.is_finished() && simulation.time() < until {
-        simulation.step().expect("a step");
-    }
-    let mut fields = Vec::new();
-    for field in simulation.lasting() {
-        let data = field.data();
-        let bits = data.flat().iter().map(|value| value.to_bits());
-        fields.push((field.name.clone(), bits.collect()));
-    }
-    let mut numbers = Vec::new();
-    for (label, balances) in simulation.balances() {
-        for b in balances {
-            let parts = [b.stored, b.initial, b.supplied, b.size];
-            numbers.extend(parts.map(|part| (format!("{label} {}", b.quantity), part.to_bits())));
-        }
-    }
-    // as in a run, where one process alone reports
-    let is_first = processes.rank() == 0;
-    let reports = is_first.then(|| simulation.reports());
-    for (label, reports) in reports.into_iter().flatten() {
-        let bits = reports
-            .iter()
-            .map(|r| (format!("{label} {}", r.name), r.value.to_bits()));
-        numbers.extend(bits);
-    }
-    let steps = simulation.progress().sub_steps.iter().sum();
-    let checkpoint = simulation.save().expect("a checkpoint");
-    (processes.rank() == 0).then_some(End {
-        fields,
-        numbers,
-        steps,
-        checkpoint,
-    })
-}
-
-/// Asserts that two runs end in the same bits, and tells what differs.
-fn assert_same(one: &End, other: &End, run: &str) {
-    fn names<T>(list: &[(String, T)]) -> Vec<&String> {
-        list.iter().map(|(name, _)| name).collect()
-    }
-    assert_eq!(names(&one.fields), names(&other.fields), "{run}");
-    assert_eq!(names(&one.numbers), names(&other.numbers), "{run}");
-    let mut found = Vec::new();
-    for ((name, a), (_, b)) in one.fields.iter().zip(&other.fields) {
-        let count = a.iter().zip(b).filter(|(a, b)| a != b).count();
-        if count > 0 || a.len() != b.len() {
-            found.push(format!("{count} values of {name}"));
-        }
-    }
-    for ((name, a), (_, b)) in one.numbers.iter().zip(&other.numbers) {
-        if a != b {
-            let [a, b] = [a, b].map(|bits| f64::from_bits(*bits));
-            found.push(format!("{name}: {a} {b}"));
-        }
-    }
-    let same = [one.steps == other.steps, one.checkpoint == other.checkpoint];
-    for (same, name) in same.into_iter().zip(["steps", "checkpoint"]) {
-        if !same {
-            found.push(name.into());
-        }
-    }
-    assert!(found.is_empty(), "{run}: {found:?}");
-}
-
-/// [`run`] in some threads.
-fn run_in(count: usize, text: &str, until: f64, start: Option<&[u8]>) -> End {
-    let ends = in_processes(count, |processes| run(text, until, start, processes));
-    ends.into_iter()
-        .flatten()
-        .next()
-        .expect("the first process")
-}
-
-/// Asserts that runs of these numbers of processes end as that of one.
-fn assert_shared(text: &str, alone: &End, counts: &[usize], what: &str) {
-    for &count in counts {
-        let shared = run_in(count, text, 1.0, None);
-        assert_same(&shared, alone, &format!("{what}, {count} processes"));
-    }
-}
 
 #[test]
 fn heat_has_the_same_bits_for_any_number_of_processes() {
     for (horizon, counts) in [("1", [2, 3, 5, 7]), ("3", [2, 3, 4, 5])] {
         let text = WELD.replace("HORIZON", horizon);
-        let alone = run_in(1, &text, 1.0, None);
+        let alone = run_in(1, &text, f64::INFINITY, None);
         assert!(alone.steps > 10 && !alone.numbers.is_empty() && alone.fields.len() >= 3);
         assert_shared(&text, &alone, &counts, horizon);
     }
@@ -144,7 +32,7 @@ fn implicit_heat_has_the_same_bits_for_any_number_of_processes() {
         ("steady and insulated", steady(true), &[3]),
     ];
     for (solver, text, counts) in all {
-        let alone = run_in(1, &text, 1.0, None);
+        let alone = run_in(1, &text, f64::INFINITY, None);
         assert!(alone.fields.len() >= 2, "{solver}");
         assert_shared(&text, &alone, counts, solver);
     }
@@ -175,7 +63,7 @@ fn all_forms_of_conduction_have_the_same_bits_for_any_number_of_processes() {
         ),
     ];
     for (name, text, counts) in all {
-        let alone = run_in(1, &text, 1.0, None);
+        let alone = run_in(1, &text, f64::INFINITY, None);
         assert!(alone.steps > 10 && alone.fields.len() >= 3, "{name}");
         assert_shared(&text, &alone, counts, name);
     }
@@ -204,7 +92,7 @@ fn motion_has_the_same_bits_for_any_number_of_processes() {
     ];
     for (kinematics, text, counts) in all {
         let text = text.replace("KINEMATICS", kinematics);
-        let alone = run_in(1, &text, 1.0, None);
+        let alone = run_in(1, &text, f64::INFINITY, None);
         assert!(alone.steps > 10 && alone.fields.len() >= 4);
         for name in [
             "section.middle.x",
@@ -227,7 +115,7 @@ fn fracture_has_the_same_bits_for_any_number_of_processes() {
         (correspondence(&torn("finite", "stretch")), &[2]),
     ];
     for (text, counts) in all {
-        let alone = run_in(1, &text, 1.0, None);
+        let alone = run_in(1, &text, f64::INFINITY, None);
         let broken = alone.number("bonds.broken");
         assert!(broken > 1000.0, "{broken} bonds");
         assert_shared(&text, &alone, counts, "fracture");
@@ -254,7 +142,7 @@ fn clouds_have_the_same_bits_for_any_number_of_processes() {
     ];
     for (name, text, counts) in all {
         let text = jittered(&text);
-        let alone = run_in(1, &text, 1.0, None);
+        let alone = run_in(1, &text, f64::INFINITY, None);
         assert!(alone.steps > 3 && alone.fields.len() >= 3, "{name}");
         if text.contains("fracture = ") {
             assert!(alone.number("bonds.broken") > 100.0, "{name}");
@@ -289,7 +177,7 @@ fn zones_have_the_same_bits_for_any_number_of_processes() {
     ];
     for (name, text, counts) in all {
         let text = zoned(&text);
-        let alone = run_in(1, &text, 1.0, None);
+        let alone = run_in(1, &text, f64::INFINITY, None);
         assert!(alone.steps > 3 && alone.fields.len() >= 3, "{name}");
         assert_shared(&text, &alone, counts, name);
     }
@@ -301,11 +189,11 @@ fn zones_have_the_same_bits_for_any_number_of_processes() {
 #[test]
 fn impacts_and_given_cracks_have_the_same_bits_for_any_number_of_processes() {
     let struck = struck();
-    let alone = run_in(1, &struck, 1.0, None);
+    let alone = run_in(1, &struck, f64::INFINITY, None);
     assert!(alone.number("impactor force.z") != 0.0 && alone.number("undex force.x") != 0.0);
     assert!(alone.number("undex cavitation.start") > 0.0);
     assert_shared(&struck, &alone, &[2, 3], "struck");
-    let alone = run_in(1, CRACK, 1.0, None);
+    let alone = run_in(1, CRACK, f64::INFINITY, None);
     assert!(alone.number("growing_crack length") > 0.02);
     assert_shared(CRACK, &alone, &[2, 3], "crack");
     assert_goes_on(CRACK, 5e-6, &[(3, 2)]);
@@ -333,7 +221,7 @@ fn equilibrium_has_the_same_bits_for_any_number_of_processes() {
         ("relaxed", relaxed.replace("KINEMATICS", "finite"), &[3]),
     ];
     for (name, text, counts) in all {
-        let alone = run_in(1, &text, 1.0, None);
+        let alone = run_in(1, &text, f64::INFINITY, None);
         assert!(alone.steps > 3 && alone.fields.len() >= 3, "{name}");
         assert_shared(&text, &alone, counts, name);
     }
@@ -352,7 +240,7 @@ fn a_quench_has_the_same_bits_for_any_number_of_processes() {
     for (formulation, kinematics, text, counts) in all {
         let text = text.replace("FORMULATION", formulation);
         let text = text.replace("KINEMATICS", kinematics);
-        let alone = run_in(1, &text, 1.0, None);
+        let alone = run_in(1, &text, f64::INFINITY, None);
         assert!(alone.number("largest share of austenite") > 0.0);
         let largest = |field: &str| {
             let found = alone.fields.iter().find(|(name, _)| name == field);
@@ -379,6 +267,42 @@ fn a_quench_goes_on_with_another_number_of_processes() {
     assert_goes_on(&correspondence, 0.2, &[(2, 3)]);
 }
 
+/// Bodies that grow and are cut off.
+#[test]
+fn growing_bodies_have_the_same_bits_for_any_number_of_processes() {
+    let log = "update = \"log\"\nsolver.quasi_static = {}";
+    let all = [
+        ("heat", BUILD.replace("HORIZON", "1"), &[2, 3, 5][..]),
+        ("heat", BUILD.replace("HORIZON", "2"), &[3]),
+        ("staggered", solid("staggered", log), &[2, 3, 5]),
+        ("correspondence", solid("correspondence", log), &[2, 3]),
+        (
+            "moving",
+            MOVING_BAR.replace("FORMULATION", "staggered"),
+            &[2, 3],
+        ),
+        (
+            "moving",
+            MOVING_BAR.replace("FORMULATION", "correspondence"),
+            &[3],
+        ),
+    ];
+    for (name, text, counts) in all {
+        let alone = run_in(1, &text, f64::INFINITY, None);
+        assert!(alone.number("deposit points") > 100.0, "{name}");
+        assert_shared(&text, &alone, counts, name);
+    }
+}
+
+#[test]
+fn growth_goes_on_with_another_number_of_processes() {
+    let log = "update = \"log\"\nsolver.quasi_static = {}";
+    assert_goes_on(&solid("staggered", log), 0.9, &[(1, 3), (3, 1), (2, 4)]);
+    assert_goes_on(&solid("correspondence", log), 0.9, &[(2, 3)]);
+    let bar = MOVING_BAR.replace("FORMULATION", "staggered");
+    assert_goes_on(&bar, 1.2e-5, &[(3, 2)]);
+}
+
 /// A bracket in equilibrium that breaks while its end is pulled.
 #[test]
 fn slow_fracture_has_the_same_bits_for_any_number_of_processes() {
@@ -396,7 +320,7 @@ x = { time = [0, 0.02], value = [0, 5e-6] }
 
 [time]"#;
     let text = text.replace("[time]", pull);
-    let alone = run_in(1, &text, 1.0, None);
+    let alone = run_in(1, &text, f64::INFINITY, None);
     let broken = alone.number("bonds.broken");
     assert!(broken > 10.0, "{broken} bonds");
     assert_shared(&text, &alone, &[2, 3], "slow fracture");
@@ -411,17 +335,6 @@ fn equilibrium_goes_on_with_another_number_of_processes() {
 #[test]
 fn fracture_goes_on_with_another_number_of_processes() {
     assert_goes_on(&torn("finite", "energy"), 3e-6, &[(1, 3), (3, 1), (2, 4)]);
-}
-
-/// Stops a run at a time (s), and lets it go on with other numbers of processes.
-fn assert_goes_on(text: &str, stop: f64, counts: &[(usize, usize)]) {
-    let whole = run_in(1, text, 1.0, None);
-    for &(before, after) in counts {
-        let half = run_in(before, text, stop, None);
-        assert!(half.steps < whole.steps);
-        let end = run_in(after, text, 1.0, Some(&half.checkpoint));
-        assert_same(&end, &whole, &format!("{before}, then {after} processes"));
-    }
 }
 
 #[test]

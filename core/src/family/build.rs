@@ -20,8 +20,7 @@ impl Family {
     /// # Errors
     /// [`FamilyError`] when the horizon reaches no neighbour or a point has none.
     pub fn build(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
-        let numbers: Vec<u32> = (0..body.points.len() as u32).collect();
-        Family::of_share(Share::whole(body, &numbers), spec)
+        Family::of_share(Share::whole(body), spec)
     }
 
     /// Lays out the family of the points that a part of a body owns. Slots of remote points are filled by an exchange
@@ -30,35 +29,29 @@ impl Family {
     /// # Errors
     /// See [`Family::build`]; also for corrections that need the whole body.
     pub fn of_part(part: &Part, spec: &FamilySpec) -> Result<Family, FamilyError> {
-        Family::of_points(&part.body, part.owned, &part.numbers, spec)
-    }
-
-    /// [`Family::of_part`] of the first `owned` points of a body, whose numbers in the whole body are `numbers`.
-    pub(crate) fn of_points(
-        body: &Body,
-        owned: usize,
-        numbers: &[u32],
-        spec: &FamilySpec,
-    ) -> Result<Family, FamilyError> {
         let share = Share {
-            body,
-            owned,
-            numbers,
+            body: &part.body,
+            owned: part.owned,
+            numbers: Some(&part.numbers),
         };
-        let mut family = Family::of_share(share, spec)?;
-        family.forget_unreached();
-        Ok(family)
+        Family::of_share(share, spec)
     }
 
-    fn of_share(share: Share<'_>, spec: &FamilySpec) -> Result<Family, FamilyError> {
+    /// The family of some points of a body.
+    ///
+    /// # Errors
+    /// See [`Family::of_part`].
+    pub(crate) fn of_share(share: Share<'_>, spec: &FamilySpec) -> Result<Family, FamilyError> {
         if share.body.tank.is_some() {
             return Err(FamilyError::Tank);
         }
-        match &share.body.discretisation {
+        let mut family = match &share.body.discretisation {
             Discretisation::Lattice(lattice) => Family::on_lattice(share, lattice, spec),
             Discretisation::Cloud(_) => Family::on_cloud(share, spec),
             Discretisation::Layers(_) => Err(FamilyError::Layers),
-        }
+        }?;
+        family.forget_unreached();
+        Ok(family)
     }
 
     /// Keeps those remote points only that bonds reach, directly or by an image, and those beside the points of images, whose slopes along the face
@@ -170,22 +163,27 @@ impl Family {
 
 /// The points of a body whose bonds a family has.
 #[derive(Clone, Copy)]
-pub(super) struct Share<'a> {
-    pub(super) body: &'a Body,
+pub(crate) struct Share<'a> {
+    pub(crate) body: &'a Body,
     /// Number of these points, which are the first of the body. Others are remote.
-    pub(super) owned: usize,
-    /// Number of each point in the order of bonds.
-    pub(super) numbers: &'a [u32],
+    pub(crate) owned: usize,
+    /// Number of each point in the whole body; `None` where this is the whole body.
+    pub(crate) numbers: Option<&'a [u32]>,
 }
 
 impl<'a> Share<'a> {
-    /// All points; `numbers` count them.
-    pub(super) fn whole(body: &'a Body, numbers: &'a [u32]) -> Self {
+    /// All points.
+    pub(crate) fn whole(body: &'a Body) -> Self {
         Share {
             body,
-            owned: numbers.len(),
-            numbers,
+            owned: body.points.len(),
+            numbers: None,
         }
+    }
+
+    /// Number of a point in the whole body, which orders bonds.
+    pub(super) fn number(self, point: usize) -> u32 {
+        self.numbers.map_or(point as u32, |numbers| numbers[point])
     }
 
     pub(super) fn is_whole(self) -> bool {

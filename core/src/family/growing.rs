@@ -5,8 +5,8 @@
 //! points only, not on the order in which they became active: a body that is complete has the same bonds as one that never
 //! grew, and a resumed run is bit-identical.
 //!
-//! Points are divided into blocks of consecutive slots once and for all. A block is empty, shares the stencil, or has
-//! weights of its own, which equal blocks share ([`Patterns`]).
+//! Points are divided into blocks of consecutive slots once and for all, the same in all processes that share a body. A block is empty, shares
+//! the stencil, or has weights of its own, which equal blocks share ([`Patterns`]).
 
 #[cfg(test)]
 mod tests;
@@ -17,7 +17,7 @@ use std::hash::{Hash, Hasher};
 
 use rayon::prelude::*;
 
-use crate::body::{self, Body, Discretisation};
+use crate::body::{self, Discretisation};
 
 use super::blocks::{BLOCK, BlockHead, Blocks, Weights};
 use super::build::{Share, chunks, stretches};
@@ -31,15 +31,15 @@ pub(super) struct GrowingBonds {
     active: Vec<bool>,
     /// Points and the layer slots that mirror them, ordered by point.
     images: Vec<(u32, u32)>,
-    /// All points, in blocks that do not change.
+    /// The points that the family owns, in blocks that do not change.
     parts: Vec<Span>,
     part_of_point: Vec<u32>,
     state: Vec<BlockBonds>,
     unborn: Vec<Span>,
     patterns: Patterns,
-    /// Points with bonds to audited layers.
+    /// Owned points with bonds to audited layers.
     beside_layers: Vec<u32>,
-    /// Points whose bonds the last change concerned.
+    /// Owned points whose bonds the last change concerned.
     recalibrated: Vec<u32>,
     version: u64,
 }
@@ -112,16 +112,17 @@ impl Patterns {
 
 impl Family {
     /// A family whose points become active and inactive ([`Family::set_active`]), with the bonds of those that are active
-    /// now.
+    /// now; `active` has remote points, too.
     ///
     /// # Errors
     /// See [`Family::build`]; also for a body whose families have no stencil or have cuts.
     pub(crate) fn growing(
-        body: &Body,
+        share: Share<'_>,
         spec: &FamilySpec,
         active: &[bool],
         version: u64,
     ) -> Result<Family, FamilyError> {
+        let body = share.body;
         let lattice = match &body.discretisation {
             Discretisation::Lattice(lattice) if body.store == body::Store::Lattice => lattice,
             _ => return Err(FamilyError::Growing("points without a lattice as store")),
@@ -132,14 +133,12 @@ impl Family {
         if !body.cuts.is_empty() {
             return Err(FamilyError::Growing("cuts"));
         }
-        let numbers: Vec<u32> = (0..body.points.len() as u32).collect();
-        let share = Share::whole(body, &numbers);
         let (bonds, grid) = LatticeBonds::new(share, lattice, spec)?;
-        let points = bonds.slot_of_point.len();
+        let (points, owned) = (bonds.slot_of_point.len(), share.owned);
         let audited = |p: &u32| bonds.members(*p as usize).any(|m| bonds.audited[m.slot]);
         let beside_layers = match spec.audited.is_empty() {
             true => Vec::new(),
-            false => (0..points as u32).filter(audited).collect(),
+            false => (0..owned as u32).filter(audited).collect(),
         };
         let mut images: Vec<(u32, u32)> = bonds
             .layers
@@ -148,12 +147,12 @@ impl Family {
             .map(|g| (g.point, g.slot))
             .collect();
         images.sort_unstable();
-        let parts = parts(&stretches(&bonds.slot_of_point, |_| true));
-        let mut part_of_point = vec![0; points];
+        let parts = parts(share, &stretches(&bonds.slot_of_point[..owned], |_| true));
+        let mut part_of_point = vec![0; owned];
         for (number, part) in (0..).zip(&parts) {
             part_of_point[part.points()].fill(number);
         }
-        let number = (0..points).map(|p| bonds.members(p).count()).sum();
+        let number = (0..owned).map(|p| bonds.members(p).count()).sum();
         let growth = GrowingBonds {
             state: vec![BlockBonds::Empty; parts.len()],
             unborn: Vec::new(),
@@ -175,7 +174,7 @@ impl Family {
         };
         let mut family = Family {
             spec: spec.clone(),
-            points,
+            points: owned,
             of_body: points,
             bonds: number,
             slots: growth.bonds.slots(share),
@@ -183,6 +182,11 @@ impl Family {
             chunks: Vec::new(),
             store: Store::Growing(swept, Box::new(growth)),
         };
+        if !share.is_whole() {
+            // bonds of all points tell which remote ones they reach
+            family.change(&[], true);
+            family.forget_unreached();
+        }
         let inactive: Vec<u32> = (0..points as u32)
             .filter(|&p| !active[p as usize])
             .collect();
@@ -190,21 +194,20 @@ impl Family {
         Ok(family)
     }
 
-    /// Sets which points are present; only bonds around those that change are computed again.
+    /// Sets which points are present, remote ones included; only bonds around those that change are computed again. A new
+    /// [`version`](Family::version) also where none changes, as changes may be those of other processes.
     ///
     /// # Panics
     /// When there is not one value for each point.
     pub fn set_active(&mut self, active: &[bool]) {
-        assert_eq!(active.len(), self.points, "one value for each point");
+        assert_eq!(active.len(), self.of_body, "one value for each point");
         let Some(growth) = self.store.growth() else {
             return;
         };
         let differ = growth.active.iter().zip(active).zip(0..);
         let differ = differ.filter(|((before, now), _)| before != now);
         let changed: Vec<u32> = differ.map(|(_, point)| point).collect();
-        if !changed.is_empty() {
-            self.change(&changed, false);
-        }
+        self.change(&changed, false);
     }
 
     /// Changes whether `points` are present; `all`: the bonds of all points are computed.
@@ -246,18 +249,23 @@ impl Family {
     }
 }
 
-/// Stretches of points in blocks.
-fn parts(stretches: &[Span]) -> Vec<Span> {
+/// Stretches of points in blocks, which end at multiples of [`BLOCK`] in the numbers of the whole body: whether a point shares
+/// the stencil depends on the other points of its block.
+fn parts(share: Share<'_>, stretches: &[Span]) -> Vec<Span> {
     let step = BLOCK as u32;
-    let cut = |span: &Span| {
-        let span = *span;
-        (0..span.len).step_by(BLOCK).map(move |first| Span {
-            slot: span.slot + first,
-            point: span.point + first,
-            len: step.min(span.len - first),
-        })
-    };
-    stretches.iter().flat_map(cut).collect()
+    let mut parts = Vec::new();
+    for span in stretches {
+        let mut rest = *span;
+        while rest.len > 0 {
+            let number = share.number(rest.point as usize);
+            let len = (step - number % step).min(rest.len);
+            parts.push(Span { len, ..rest });
+            rest.slot += len;
+            rest.point += len;
+            rest.len -= len;
+        }
+    }
+    parts
 }
 
 impl GrowingBonds {
@@ -358,6 +366,8 @@ impl GrowingBonds {
         if !all {
             self.mark_around(corrected.into_iter(), &mut marks);
         }
+        // weights of remote points follow from factors
+        marks.truncate(self.part_of_point.len());
         self.recalibrated = marked(&marks);
         let parts = self.recalibrated.iter();
         let mut parts: Vec<u32> = parts.map(|&p| self.part_of_point[p as usize]).collect();

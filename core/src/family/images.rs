@@ -98,7 +98,7 @@ impl Images {
     /// Images of all points within `reach` (m) of the box, mirrored repeatedly until edges,
     /// corners and bodies thinner than the reach are complete.
     pub(super) fn new(share: Share<'_>, spec: &FamilySpec, reach: f64) -> Images {
-        let Share { body, numbers, .. } = share;
+        let body = share.body;
         let positions = &body.points.position;
         let images = BoxImages::new(body, &continued_faces(body, spec), reach);
         let mut near = Vec::new();
@@ -116,13 +116,13 @@ impl Images {
                 }
             });
         }
-        near.sort_by_key(|i| (i.order, i.face, numbers[i.point as usize], i.image.n));
+        near.sort_by_key(|i| (i.order, i.face, share.number(i.point as usize), i.image.n));
 
         let mut all = Images {
             position: positions.clone(),
             point: (0..positions.len() as u32).collect(),
             audited: vec![false; positions.len()],
-            rank: numbers.to_vec(),
+            rank: (0..body.points.len()).map(|p| share.number(p)).collect(),
             layers: Layers::default(),
         };
         let place = |of_point: &PointImage, source: u32| {

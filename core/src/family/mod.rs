@@ -63,6 +63,7 @@ pub use slot_field::{PointValues, SlotField};
 pub use spec::{Correction, FamilyError, FamilySpec, PartialVolume};
 pub use tables::LatticeTables;
 
+pub(crate) use build::Share;
 pub(crate) use gaps::warnings;
 pub(crate) use moving::skin;
 

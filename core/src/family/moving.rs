@@ -282,7 +282,7 @@ impl Following {
         let share = Share {
             body,
             owned: *owned,
-            numbers: ranks,
+            numbers: Some(ranks),
         };
         let images = Images::new(share, spec, widest);
         let reaches: Vec<f64> = images.point.iter().map(|&p| reach[p as usize]).collect();

@@ -47,6 +47,8 @@ impl Setup<'_> {
         let family = self.world.build_growing(body, spec);
         let family = family.map_err(|e| self.family_error(body, e))?;
         self.count_family(FamilySize::of(body, &family));
+        let remote = family.remote().iter();
+        self.read_points(body, remote.map(|(_, point)| *point as usize));
         Ok(family)
     }
 

@@ -80,7 +80,7 @@ impl ActivityChanges {
     }
 
     /// Points that became active or inactive since the last call, ascending; all where no point is known. `None` where
-    /// nothing changed, as for a body that does not grow.
+    /// nothing changed, as for a body that does not grow. Collective: in several processes those of this one, if any changed in one of them.
     pub fn since_last(&mut self, world: &World, body: BodyIndex) -> Option<Vec<u32>> {
         let version = world.fields.field(world.activity_field(body)?).changes();
         if self.seen.replace(version) == Some(version) {
@@ -91,7 +91,27 @@ impl ActivityChanges {
         let changed = (0..).zip(&now).filter(differs);
         let changed: Vec<u32> = changed.map(|(point, _)| point).collect();
         self.active = now;
-        (!changed.is_empty()).then_some(changed)
+        (world.processes.any(!changed.is_empty())).then_some(changed)
+    }
+
+    /// What [`ActivityChanges::of_part`] reads, for checkpoints. Collective.
+    #[must_use]
+    pub fn of_whole(&self, world: &World, body: BodyIndex) -> ActivityChanges {
+        ActivityChanges {
+            active: world.whole_of(body, &self.active).into_owned(),
+            seen: None,
+        }
+    }
+
+    /// The changes that this process had taken up in its points, from those of the whole body. Collective.
+    ///
+    /// # Errors
+    /// When they are those of another number of points.
+    pub fn of_part(self, world: &World, body: BodyIndex) -> Result<Self, erased_serde::Error> {
+        Ok(ActivityChanges {
+            active: world.part_of(body, self.active)?,
+            seen: None,
+        })
     }
 
     /// Whether each point was active at the last call.

@@ -163,6 +163,7 @@ impl World {
             let bodies = &whole.bodies;
             whole.fields = self.fields.of_size(|body| bodies[body].points.len());
             whole.provided.clone_from(&self.provided);
+            whole.changes.clone_from(&self.changes);
             whole.facts = self.facts.clone();
         }
         for body in 0..self.bodies.len() {
@@ -273,7 +274,15 @@ impl World {
         body: BodyIndex,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<Vec<T>, erased_serde::Error> {
-        let whole: Vec<T> = erased_serde::deserialize(state)?;
+        self.part_of(body, erased_serde::deserialize(state)?)
+    }
+
+    /// Values of the points that this process has, from those that [`World::whole_of`] gave. Collective.
+    pub(crate) fn part_of<T: Clone>(
+        &self,
+        body: BodyIndex,
+        whole: Vec<T>,
+    ) -> Result<Vec<T>, erased_serde::Error> {
         let (found, points) = (whole.len(), self.points_of_whole(body));
         if found == points {
             return Ok(self.reducer(body).part_of(whole));

@@ -9,7 +9,7 @@ use super::activity::ActivityChanges;
 use super::configuration::Configuration;
 use super::{BodyIndex, World};
 use crate::body::{Body, Horizon};
-use crate::family::{Family, FamilyError, FamilySpec, skin};
+use crate::family::{Family, FamilyError, FamilySpec, Share, skin};
 use crate::neighbours::FoundAt;
 
 /// A family of a body, owned by the [`World`]: [`World::family`] gives it as it is at the time.
@@ -130,11 +130,8 @@ impl World {
                 }),
             }
         } else {
-            let family = match &self.divisions[body] {
-                Some(division) => Family::of_points(this, division.owned, &division.numbers, spec),
-                None => Family::build(this, spec),
-            };
-            Store::AtRest(Arc::new(family?))
+            let family = Family::of_share(self.share(body), spec)?;
+            Store::AtRest(Arc::new(family))
         };
         self.families.push(WorldFamily {
             body,
@@ -169,7 +166,20 @@ impl World {
     ) -> Result<Family, FamilyError> {
         let present = self.present_points(body);
         let present = present.unwrap_or_else(|| vec![true; self.bodies[body].points.len()]);
-        Family::growing(&self.bodies[body], spec, &present, 0)
+        Family::growing(self.share(body), spec, &present, 0)
+    }
+
+    /// The points of a body of which this process has the families.
+    fn share(&self, body: BodyIndex) -> Share<'_> {
+        let this = &self.bodies[body];
+        match &self.divisions[body] {
+            None => Share::whole(this),
+            Some(division) => Share {
+                body: this,
+                owned: division.owned,
+                numbers: Some(&division.numbers),
+            },
+        }
     }
 
     /// A family as it is now: of the current positions where a physics moves the points, of the points that have material
@@ -198,8 +208,7 @@ impl World {
                         None => {
                             // of a version from which nobody takes the difference
                             let next = state.family.version() + 1;
-                            let body = &self.bodies[*body];
-                            let family = Family::growing(body, spec, present, next);
+                            let family = Family::growing(self.share(*body), spec, present, next);
                             let family = family.expect("the same family was built at set-up");
                             state.family = Arc::new(family);
                         }

@@ -1,7 +1,10 @@
 //! When the material of each point is deposited: by layers, or in the bead behind a toolpath.
 
 use nalgebra::Vector3;
-use perimelt_core::{Body, Face};
+use perimelt_core::PointRows;
+use perimelt_core::solver::Reducer;
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Body, Face, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -54,9 +57,95 @@ fn one() -> u32 {
 
 /// A point and the time at which its material is deposited, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Birth {
+pub(super) struct PointBirth {
     pub(super) time: f64,
     pub(super) point: u32,
+}
+
+/// Material that is deposited at once.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Birth {
+    /// s
+    pub(super) time: f64,
+    /// m³
+    pub(super) volume: f64,
+    /// kg
+    pub(super) mass: f64,
+    pub(super) material: u16,
+}
+
+/// Births of points, in the order of time.
+#[derive(Debug, Default)]
+pub(super) struct Births {
+    /// Those of all points, whichever process owns them.
+    pub(super) all: Vec<Birth>,
+    /// Places among them of the births of points that this process has, with these points.
+    here: Vec<(u32, u32)>,
+}
+
+impl Births {
+    /// The births of all points, from those of the points that each process has. `density` by point, kg/m³. Collective.
+    pub(super) fn of_whole(
+        world: &World,
+        body: BodyIndex,
+        density: &[f64],
+        mut births: Vec<PointBirth>,
+    ) -> Births {
+        let this = world.body(body);
+        let reducer = world.reducer(body);
+        births.sort_by_key(|birth| birth.point);
+        let mut rows = PointRows::default();
+        for birth in births
+            .iter()
+            .filter(|b| (b.point as usize) < reducer.owned())
+        {
+            let point = birth.point as usize;
+            let volume = this.points.volume[point];
+            let [time, volume, mass] =
+                [birth.time, volume, density[point] * volume].map(f64::to_bits);
+            let material = u64::from(this.material_of_point[point]);
+            rows.push(point, &[time, volume, mass, material]);
+        }
+        let rows = world.rows_of_whole(body, rows);
+        let birth = |row: &[u64]| Birth {
+            time: f64::from_bits(row[0]),
+            volume: f64::from_bits(row[1]),
+            mass: f64::from_bits(row[2]),
+            material: row[3] as u16,
+        };
+        let all = rows.iter(4);
+        let mut all: Vec<(usize, Birth)> = all.map(|(point, row)| (point, birth(row))).collect();
+        let order = |a: (f64, usize), b: (f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        all.sort_by(|a, b| order((a.1.time, a.0), (b.1.time, b.0)));
+        let place = |birth: &PointBirth| {
+            let number = reducer.number(birth.point as usize) as usize;
+            let found = all.binary_search_by(|(n, b)| order((b.time, *n), (birth.time, number)));
+            Some((found.ok()? as u32, birth.point))
+        };
+        let mut here: Vec<(u32, u32)> = births.iter().filter_map(place).collect();
+        here.sort_unstable();
+        Births {
+            all: all.into_iter().map(|(_, birth)| birth).collect(),
+            here,
+        }
+    }
+
+    /// Those among all from `first` to `end` of points that this process has: time (s) and point.
+    pub(super) fn here(&self, first: usize, end: usize) -> impl Iterator<Item = (f64, usize)> {
+        let place = |at: usize| {
+            self.here
+                .partition_point(|(birth, _)| (*birth as usize) < at)
+        };
+        let births = self.here[place(first)..place(end)].iter();
+        births.map(|(birth, point)| (self.all[*birth as usize].time, *point as usize))
+    }
+
+    /// Number of births that have happened, as the points of this process tell.
+    pub(super) fn count(&self, has_happened: impl Fn(usize) -> bool) -> usize {
+        let here = self.here.iter();
+        let happened = here.take_while(|(_, point)| has_happened(*point as usize));
+        happened.last().map_or(0, |(birth, _)| *birth as usize + 1)
+    }
 }
 
 /// Points that have no material at first, on a body that is built up in a direction.
@@ -64,6 +153,7 @@ pub(super) struct BuildRegion<'a> {
     pub(super) body: &'a Body,
     pub(super) points: &'a [u32],
     pub(super) up: Face,
+    pub(super) reducer: Reducer,
 }
 
 impl BuildRegion<'_> {
@@ -72,21 +162,21 @@ impl BuildRegion<'_> {
         position.dot(&self.up.normal())
     }
 
-    /// Births by layers, the lowest of which begins at the lowest cells of the points.
-    pub(super) fn by_layers(&self, layers: &Layers) -> Vec<Birth> {
+    /// Births by layers, the lowest of which begins at the lowest cells of the points. Collective.
+    pub(super) fn by_layers(&self, layers: &Layers) -> Vec<PointBirth> {
         let position = |p: u32| &self.body.points.position[p as usize];
         let levels = self.points.iter().map(|&p| self.level(position(p)));
-        let lowest = levels.fold(f64::INFINITY, f64::min);
+        let lowest = self.reducer.min(levels.fold(f64::INFINITY, f64::min));
         let base = lowest - 0.5 * self.body.finest_spacing();
         let together = f64::from(layers.at_once);
         let birth = |&point: &u32| {
             let layer = (self.level(position(point)) - base) / (layers.height * together);
-            Birth {
+            PointBirth {
                 time: layers.first + (layer + NEAR).floor() * layers.interval * together,
                 point,
             }
         };
-        in_order(self.points.iter().map(birth).collect())
+        self.points.iter().map(birth).collect()
     }
 
     /// Births by the bead that a toolpath leaves while it has power; points that it never covers have no birth. In 3D the bead
@@ -96,7 +186,7 @@ impl BuildRegion<'_> {
         track: &Track,
         bead: &Bead,
         torch: Option<Vector3<f64>>,
-    ) -> Vec<Birth> {
+    ) -> Vec<PointBirth> {
         let spacing = self.body.finest_spacing();
         let mut unborn = vec![false; self.body.points.len()];
         self.points.iter().for_each(|&p| unborn[p as usize] = true);
@@ -115,12 +205,12 @@ impl BuildRegion<'_> {
                 let outward = torch.map_or(self.up.normal(), |axis| -axis);
                 self.cover(&pose.position, outward, bead, |point| {
                     if std::mem::replace(&mut unborn[point as usize], false) {
-                        births.push(Birth { time, point });
+                        births.push(PointBirth { time, point });
                     }
                 });
             }
         }
-        in_order(births)
+        births
     }
 
     /// End of a move, s: one without an end is followed to the far side of the body.
@@ -180,9 +270,4 @@ impl BuildRegion<'_> {
             }
         }
     }
-}
-
-fn in_order(mut births: Vec<Birth>) -> Vec<Birth> {
-    births.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.point.cmp(&b.point)));
-    births
 }

@@ -39,7 +39,7 @@ use serde::{Deserialize, Serialize};
 
 pub use births::{Bead, Layers};
 
-use births::{Birth, BuildRegion};
+use births::{Birth, Births, BuildRegion};
 use checks::{check_bead, check_layers, direction};
 
 use crate::InTime;
@@ -112,8 +112,6 @@ struct RunningDeposit {
     starts: Vec<f64>,
     /// Temperature of the material, K.
     temperature: InTime,
-    /// Mass of each point, kg.
-    mass: Vec<f64>,
     /// Number of births so far.
     born: usize,
     /// Volume (m³) and mass (kg) deposited so far.
@@ -129,6 +127,10 @@ impl Deposit {
         part: &DepositRegion,
     ) -> Result<Schedule, SetupError> {
         let path = self.path(setup)?;
+        let density = setup.world().density_at_points(part.body)?;
+        let of_whole = |setup: &Setup<'_>, births| {
+            Births::of_whole(setup.world(), part.body, &density, births)
+        };
         match (path, &self.bead, &self.layers) {
             (Some(path), Some(bead), None) => {
                 check_bead(bead)?;
@@ -137,10 +139,11 @@ impl Deposit {
                     setup.warn(warning);
                 }
                 let births = part.of(setup).by_bead(track, bead, path.torch());
+                let births = of_whole(setup, births);
                 let speed = track.fastest();
                 let spacing = setup.body(part.body).finest_spacing();
                 let step_limit = (speed > 0.0).then(|| STEP_FRACTION * spacing / speed);
-                self.check_coverage(setup, part, track, births.len())?;
+                self.check_coverage(setup, part, track, births.all.len())?;
                 Ok(Schedule {
                     path: Some(path),
                     births,
@@ -151,7 +154,7 @@ impl Deposit {
                 check_layers(layers, setup.body(part.body).finest_spacing())?;
                 Ok(Schedule {
                     path: None,
-                    births: part.of(setup).by_layers(layers),
+                    births: of_whole(setup, part.of(setup).by_layers(layers)),
                     step_limit: None,
                 })
             }
@@ -208,7 +211,13 @@ impl Deposit {
         track: &Track,
         covered: usize,
     ) -> Result<(), SetupError> {
-        let left = part.points.len() - covered;
+        let reducer = setup.world().reducer(part.body);
+        let own = part
+            .points
+            .iter()
+            .filter(|p| (**p as usize) < reducer.owned());
+        let points = reducer.total_of(own.count() as f64) as usize;
+        let left = points - covered;
         if covered == 0 {
             let start = track.pose(track.start()).position;
             let (x, y, z) = (start.x, start.y, start.z);
@@ -221,8 +230,7 @@ impl Deposit {
         }
         if left > 0 {
             setup.warn(format!(
-                "the bead does not cover {left} of {} points of region `{}`, which are never deposited",
-                part.points.len(),
+                "the bead does not cover {left} of {points} points of region `{}`, which are never deposited",
                 self.region
             ));
         }
@@ -243,6 +251,7 @@ impl DepositRegion {
             body: setup.body(self.body),
             points: &self.points,
             up: self.up,
+            reducer: setup.world().reducer(self.body),
         }
     }
 }
@@ -251,8 +260,7 @@ impl DepositRegion {
 struct Schedule {
     /// The path whose clock the births follow; without it, their times are times of the run.
     path: Option<Rc<TimedPath>>,
-    /// Births in the order of time.
-    births: Vec<Birth>,
+    births: Births,
     /// Longest step while a toolpath deposits, s.
     step_limit: Option<f64>,
 }
@@ -273,7 +281,7 @@ impl Schedule {
 
     /// Number of births up to a time on their clock.
     fn until(&self, time: TrackTime) -> usize {
-        self.births.partition_point(|b| time.has_passed(b.time))
+        (self.births.all).partition_point(|b| time.has_passed(b.time))
     }
 
     /// Times at which births begin after a pause, s.
@@ -282,16 +290,17 @@ impl Schedule {
         let pause = PAUSE * self.step_limit.unwrap_or(0.0);
         let mut last = f64::NEG_INFINITY;
         let begins = |birth: &Birth| birth.time - std::mem::replace(&mut last, birth.time) > pause;
-        let times = self.births.iter().copied().filter(begins);
+        let times = self.births.all.iter().copied().filter(begins);
         times.map(|birth| birth.time).collect()
     }
 
     fn programme(&self, time: f64) -> Option<Programme> {
-        let end = self.time_of(self.births.last()?.time);
+        let births = &self.births.all;
+        let end = self.time_of(births.last()?.time);
         let done = self.until(self.at(time));
         Some(Programme {
             done: Some(DoneFraction {
-                fraction: done as f64 / self.births.len() as f64,
+                fraction: done as f64 / births.len() as f64,
                 of: "the points",
             }),
             ..Programme::new("the last material is deposited", end)
@@ -304,8 +313,8 @@ impl Schedule {
         let TrackTime::Running(now) = self.path.as_ref()?.foreseen(time) else {
             return None;
         };
-        let next = self.births.partition_point(|b| b.time <= now);
-        let next = self.births.get(next)?;
+        let births = &self.births.all;
+        let next = births.get(births.partition_point(|b| b.time <= now))?;
         (next.time - now <= PAUSE * limit).then_some(limit)
     }
 }
@@ -324,33 +333,28 @@ impl RunningDeposit {
         let (grid, symmetry) = (grid(body), world.symmetry(self.body));
         let heat = |birth: &Birth| {
             let copies = mirror_copies(&grid, &symmetry, &path.track().pose(birth.time));
-            let point = birth.point as usize;
-            let curve = curves.get(usize::from(body.material_of_point[point]))?;
+            let curve = curves.get(usize::from(birth.material))?;
             let temperature = self.temperature.at(birth.time);
             let enthalpy = curve.enthalpy(temperature) - curve.enthalpy(feed);
-            Some((birth.time, copies * body.points.volume[point] * enthalpy))
+            Some((birth.time, copies * birth.volume * enthalpy))
         };
-        path.take(births.iter().filter_map(heat));
+        path.take(births.all.iter().filter_map(heat));
     }
 
-    /// Counts all births so far.
+    /// Counts all births so far. Collective.
     fn count_again(&mut self, world: &World) {
         (self.born, self.deposited) = (0, [0.0; 2]);
         // the temperature at birth counts: points may have been cut off since
         let birth_temperature = world.read(self.birth_temperature.into());
-        let births = self.schedule.births.iter();
-        let born = births
-            .take_while(|b| birth_temperature[b.point as usize] > 0.0)
-            .count();
-        self.count(world, born);
+        let born = (self.schedule.births).count(|point| birth_temperature[point] > 0.0);
+        let born = world.reducer(self.body).max(born as f64);
+        self.count(born as usize);
     }
 
-    fn count(&mut self, world: &World, born: usize) {
-        let volume = &world.body(self.body).points.volume;
-        for birth in &self.schedule.births[self.born..born] {
-            let point = birth.point as usize;
-            self.deposited[0] += volume[point];
-            self.deposited[1] += self.mass[point];
+    fn count(&mut self, born: usize) {
+        for birth in &self.schedule.births.all[self.born..born] {
+            self.deposited[0] += birth.volume;
+            self.deposited[1] += birth.mass;
         }
         self.born = born;
     }
@@ -371,9 +375,6 @@ impl Coupler for Deposit {
         let active = setup.change_material(body, Change::Births, &part.points)?;
         let schedule = Rc::new(self.schedule(setup, &part)?);
         self.check_heat(schedule.path.as_deref())?;
-        let volume = &setup.body(body).points.volume;
-        let density = setup.world().density_at_points(body)?;
-        let mass = density.iter().zip(volume).map(|(d, v)| d * v).collect();
         let known = schedule.clone();
         setup.stepping(Stepping {
             programme: Some(Box::new(move |time| known.programme(time))),
@@ -387,7 +388,6 @@ impl Coupler for Deposit {
             starts: schedule.starts(),
             schedule,
             temperature: self.temperature,
-            mass,
             born: 0,
             deposited: [0.0; 2],
             takes_heat_above: (self.heat == DepositHeat::FromSource).then_some(feed),
@@ -414,16 +414,15 @@ impl RunningCoupler for RunningDeposit {
         if due > self.born {
             let mut active = world.write(self.active);
             let mut birth_temperature = world.write(self.birth_temperature);
-            for birth in &self.schedule.births[self.born..due] {
-                let point = birth.point as usize;
+            for (birth, point) in self.schedule.births.here(self.born, due) {
                 active[point] = 1.0;
-                let time = self.schedule.time_of(birth.time);
+                let time = self.schedule.time_of(birth);
                 let temperature = self.temperature.value_at("temperature", time);
                 birth_temperature[point] =
                     temperature.map_err(|e| RunError::wrong_value("deposit", e))?;
             }
             drop((active, birth_temperature));
-            self.count(world, due);
+            self.count(due);
         }
         Ok(())
     }
@@ -457,4 +456,4 @@ impl RunningCoupler for RunningDeposit {
     }
 }
 
-perimelt_core::register_coupler!("deposit", Deposit, supports: [Births, Cuts]);
+perimelt_core::register_coupler!("deposit", Deposit, supports: [Births, Cuts, Division]);

@@ -3,6 +3,7 @@ use crate::testing::{STEEL, block, prepare, read, refusal, values};
 use nalgebra::Vector3;
 use perimelt_core::Body;
 use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::solver::Reducer;
 use perimelt_core::world::SymmetryPlane;
 
 /// A block of unit cells whose region `top` begins at this coordinate along its last axis.
@@ -316,6 +317,7 @@ fn a_bead_follows_the_axis_of_an_inclined_torch() {
             body: &body,
             points: &body.regions["top"].points,
             up: Face::ZMax,
+            reducer: Reducer::alone(body.points.len()),
         };
         let births = placed.by_bead(&track.expect("valid"), &bead, torch);
         let mut covered = vec![false; body.points.len()];

@@ -86,7 +86,7 @@ pub(super) struct Gradient {
     dimension: usize,
     /// The points of the body, which processes may share.
     points: Reducer,
-    /// Whether points of other processes have their shape tensors.
+    /// Whether points of other processes have their present shape tensors.
     knows_remote: bool,
     /// `K^-1`, 1/m; zero in the components that the dimension leaves out, and of loose points. Empty for cells of which none
     /// is loose.
@@ -190,6 +190,7 @@ impl Gradient {
         for (&point, inverse) in family.recalibrated().iter().zip(inverses) {
             self.inverse_shape[point as usize] = inverse;
         }
+        self.knows_remote = false;
         self.forget_families();
     }
 

@@ -143,9 +143,10 @@ impl MechanicalRun {
             return false;
         };
         if let Some(corners) = self.nodes().corners() {
-            corners.leave_out_hinges(&mut active, &self.state.present);
+            let points = world.reducer(self.body);
+            corners.leave_out_hinges(&points, &mut active, &self.state.present);
         }
-        let has_changed = active != self.state.present;
+        let has_changed = world.processes().any(active != self.state.present);
         if has_changed {
             self.change_presence(world, active);
         }
@@ -188,7 +189,8 @@ impl MechanicalRun {
         let Some(birth_strain) = self.fields.birth_strain else {
             return;
         };
-        let mut birth_strain = world.write(birth_strain);
+        let field = birth_strain;
+        let mut birth_strain = world.write(field);
         let is_born = |point: usize| present[point] && !was_present[point];
         for (point, has_gained) in self.changed_families(&was_present) {
             match self.state.present[point] {
@@ -200,6 +202,8 @@ impl MechanicalRun {
                 false => birth_strain[point] = Matrix3::zeros(),
             }
         }
+        drop(birth_strain);
+        world.bring_remote(field);
         self.solid.relieve_modes(&is_born);
         if let Some(plastic) = &self.fields.plastic {
             // what is born has no flow of metal that was cut off there before
@@ -211,7 +215,7 @@ impl MechanicalRun {
         }
     }
 
-    /// Points whose family changed with the presence of points, and whether it gained material: all of their neighbourhood, or,
+    /// Points whose family changed with the presence of points (of bonds, those that this process owns), and whether it gained material: all of their neighbourhood, or,
     /// where points have the family of their corners, those alone that were born or cut off.
     fn changed_families(&self, was_present: &[bool]) -> Vec<(usize, bool)> {
         let present = &self.state.present;
@@ -267,13 +271,14 @@ impl MechanicalRun {
             return;
         }
         let present = &self.state.present;
+        let points = world.reducer(self.body);
         let pairs = || was_present.iter().zip(present);
-        let mut waiting: Vec<usize> = (0..present.len())
+        let mut waiting: Vec<usize> = (0..points.owned())
             .zip(pairs())
             .filter(|(_, (before, now))| !**before && **now)
             .map(|(point, _)| point)
             .collect();
-        if waiting.is_empty() {
+        if !points.any(!waiting.is_empty()) {
             return;
         }
         let known = pairs().map(|(before, now)| *before && *now).collect();
@@ -281,7 +286,7 @@ impl MechanicalRun {
         let mut gradients: Vec<_> = gradients.iter().map(continued_part).collect();
         let mut displacement = world.write(self.fields.displacement);
         let mut velocity = self.fields.velocity.map(|v| world.write(v));
-        while !waiting.is_empty() {
+        while points.any(!waiting.is_empty()) {
             let state = MotionState {
                 displacement: around.in_slots(&displacement, rules),
                 gradient: &gradients,
@@ -290,7 +295,7 @@ impl MechanicalRun {
             let place = |&point: &usize| around.continued(point, &state);
             let placed: Vec<Option<Placed>> = waiting.par_iter().map(place).collect();
             // where nothing is there to which the material is attached, it stays at rest
-            let is_alone = placed.iter().all(Option::is_none);
+            let is_alone = !points.any(placed.iter().any(Option::is_some));
             let mut left = Vec::new();
             for (point, placed) in waiting.into_iter().zip(placed) {
                 let Some(placed) = placed.or_else(|| is_alone.then(Placed::default)) else {
@@ -304,6 +309,12 @@ impl MechanicalRun {
                 around.known[point] = true;
             }
             waiting = left;
+            points.bring(bytemuck::cast_slice_mut(&mut displacement));
+            points.bring(bytemuck::cast_slice_mut(&mut gradients));
+            if let Some(velocity) = &mut velocity {
+                points.bring(bytemuck::cast_slice_mut(velocity));
+            }
+            around.bring(&points);
         }
     }
 

@@ -188,6 +188,8 @@ struct SavedMechanical {
     state: MechanicalState,
     corners: [Vec<[f64; 3]>; 4],
     seen_compliance: Vec<f64>,
+    present: Vec<bool>,
+    fresh: Vec<bool>,
     broken: Option<SavedFracture>,
     relieved: Vec<[[f64; 3]; 4]>,
 }
@@ -199,6 +201,8 @@ struct SavedMechanicalRef<'a> {
     /// Displacement, velocity, force and loads of the corners.
     corners: [Cow<'a, [[f64; 3]]>; 4],
     seen_compliance: Cow<'a, [f64]>,
+    present: Cow<'a, [bool]>,
+    fresh: Cow<'a, [bool]>,
     broken: Option<SavedFracture>,
     relieved: Cow<'a, [[[f64; 3]; 4]]>,
 }
@@ -343,6 +347,8 @@ impl RunningPhysics for RunningMechanical {
             state: &run.state,
             corners: corners.map(|values| nodes.whole_of(values.as_chunks().0)),
             seen_compliance: world.whole_of(run.body, &run.state.seen_compliance),
+            present: world.whole_of(run.body, &run.state.present),
+            fresh: world.whole_of(run.body, &run.state.fresh),
             broken: run
                 .solid
                 .fracture_state()
@@ -361,6 +367,8 @@ impl RunningPhysics for RunningMechanical {
             mut state,
             corners,
             seen_compliance,
+            present,
+            fresh,
             broken,
             relieved,
         } = erased_serde::deserialize(state)?;
@@ -388,18 +396,21 @@ impl RunningPhysics for RunningMechanical {
             }
             _ => None,
         };
-        if !seen_compliance.is_empty() {
-            let points = world.points_of_whole(run.body);
-            check_length("compliances", seen_compliance.len(), points)?;
-        }
-        if !relieved.is_empty() {
-            let points = world.points_of_whole(run.body);
-            check_length("relieved modes", relieved.len(), points)?;
+        let lengths = [
+            ("compliances", seen_compliance.len()),
+            ("points with material", present.len()),
+            ("fresh points", fresh.len()),
+            ("relieved modes", relieved.len()),
+        ];
+        for (what, length) in lengths.into_iter().filter(|(_, length)| *length > 0) {
+            check_length(what, length, world.points_of_whole(run.body))?;
         }
         let points = world.reducer(run.body);
         let relieved = points.part_of(relieved);
         run.state = state;
         run.state.seen_compliance = points.part_of(seen_compliance);
+        run.state.present = points.part_of(present);
+        run.state.fresh = points.part_of(fresh);
         run.scratch.note_load();
         run.restore_presence();
         run.solid.base_mut().relieved = base::RelievedModes::saved(relieved);

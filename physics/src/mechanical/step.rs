@@ -79,9 +79,11 @@ pub(super) struct MechanicalState {
     /// Compliance of transformation plasticity that the plastic strain contains, 1/Pa, by point; empty without. Saved beside the rest.
     #[serde(skip)]
     pub(super) seen_compliance: Vec<f64>,
-    /// Points that have material in the family, of a body that grows; else empty.
+    /// Points that have material in the family, of a body that grows; else empty. Saved beside the rest.
+    #[serde(skip)]
     pub(super) present: Vec<bool>,
-    /// Points that have not cooled below the annealing temperature since their birth, of a body that grows.
+    /// Points that have not cooled below the annealing temperature since their birth, of a body that grows. Saved beside the rest.
+    #[serde(skip)]
     pub(super) fresh: Vec<bool>,
     /// Factors and offsets of the layers in the last step, of a body that grows.
     pub(super) layers: Vec<[[f64; 3]; 2]>,

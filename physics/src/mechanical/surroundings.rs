@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::{ByRules, Continuation, LayerRule};
+use perimelt_core::solver::Reducer;
 use perimelt_core::{Family, SlotField};
 
 /// The displacement of the points that are there, and where layers mirror them.
@@ -63,6 +64,14 @@ impl<'a> Surroundings<'a> {
             slots.load(self.family, along, ByRules(rules, axis));
             slots
         })
+    }
+
+    /// Lets points of other processes be known where their owners know them. Collective.
+    pub(super) fn bring(&mut self, points: &Reducer) {
+        let known = self.known.iter();
+        let mut flags: Vec<f64> = known.map(|known| f64::from(u8::from(*known))).collect();
+        points.bring(&mut flags);
+        self.known = flags.into_iter().map(|flag| flag > 0.0).collect();
     }
 
     /// Continues the displacement of the known neighbours to a point; `None` if it has none.

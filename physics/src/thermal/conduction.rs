@@ -324,7 +324,9 @@ impl Conduction {
         reducer: &Reducer,
     ) {
         match (&mut self.interfaces, changed) {
-            (Some(interfaces), Some(changed)) => interfaces.find_some(family, points, changed),
+            (Some(interfaces), Some(changed)) => {
+                interfaces.find_some(family, points, changed, reducer)
+            }
             (Some(interfaces), None) => interfaces.find(family, points, reducer),
             (None, _) => {}
         }

@@ -7,9 +7,11 @@
 use std::borrow::Cow;
 
 use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::solver::ExactSum;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    ActivityChanges, Balance, ReadIfProvided, Report, Setup, SetupError, World, Write, keys,
+    ActivityChanges, Balance, LoadError, ReadIfProvided, Report, Setup, SetupError, World, Write,
+    keys,
 };
 use serde::{Deserialize, Serialize};
 
@@ -67,12 +69,24 @@ impl Growth {
             born: ActivityChanges::until_now(world, self.body),
             ..Born::default()
         };
-        self.state.mass[0] = self.sum(&self.mass);
+        self.state.mass[0] = self.total_mass(world);
     }
 
-    /// Number of points in the state, and of the body.
-    pub(super) fn points(&self) -> [usize; 2] {
-        [self.state.born.active().len(), self.mass.len()]
+    /// The state of the points of all processes. Collective.
+    pub(super) fn save(&self, world: &World) -> Born {
+        Born {
+            born: self.state.born.of_whole(world, self.body),
+            ..self.state
+        }
+    }
+
+    /// Takes what [`Growth::save`] gave.
+    pub(super) fn load(&mut self, world: &World, saved: Born) -> Result<(), LoadError> {
+        self.state = Born {
+            born: saved.born.of_part(world, self.body)?,
+            ..saved
+        };
+        Ok(())
     }
 
     /// Whether a point is born.
@@ -80,15 +94,16 @@ impl Growth {
         self.state.born.is_active(point)
     }
 
-    /// Sum over the points that are born, in the order of their numbers.
-    fn sum(&self, values: &[f64]) -> f64 {
-        perimelt_core::solver::reduce::weighted_sum(values, &self.weights())
-    }
-
-    /// 1 for each point that is born, 0 otherwise.
-    fn weights(&self) -> Vec<f64> {
-        let born = self.state.born.active().iter();
-        born.map(|b| f64::from(u8::from(*b))).collect()
+    /// Mass of the points that are born, kg.
+    fn total_mass(&self, world: &World) -> f64 {
+        let mass = |point: usize| {
+            [if self.is_born(point) {
+                self.mass[point]
+            } else {
+                0.0
+            }]
+        };
+        world.reducer(self.body).sum_points(mass)[0]
     }
 
     /// Volumes of the points, zero where they are not born, m³.
@@ -112,25 +127,27 @@ impl Growth {
         let birth_temperature = world.read_if_provided(self.birth_temperature);
         let mut temperature = world.write(state.temperature);
         let mut enthalpy = world.write(state.enthalpy);
-        let (mut heat, mut mass) = (0.0, 0.0);
+        let reducer = world.reducer(self.body);
+        let [mut heat, mut mass] = [ExactSum::default(), ExactSum::default()];
         for point in changed {
             let point = point as usize;
-            let volume = body.points.volume[point];
-            if !self.state.born.is_active(point) {
-                heat -= volume * enthalpy[point];
-                mass -= self.mass[point];
-                continue;
+            let is_born = self.state.born.is_active(point);
+            if is_born {
+                let curve = &curves[body.material_of_point[point] as usize];
+                if let Some(birth_temperature) = &birth_temperature {
+                    temperature[point] = birth_temperature[point];
+                }
+                enthalpy[point] = curve.enthalpy(temperature[point]);
             }
-            let curve = &curves[body.material_of_point[point] as usize];
-            if let Some(birth_temperature) = &birth_temperature {
-                temperature[point] = birth_temperature[point];
+            if point < reducer.owned() {
+                let sign = if is_born { 1.0 } else { -1.0 };
+                heat.add(sign * body.points.volume[point] * enthalpy[point]);
+                mass.add(sign * self.mass[point]);
             }
-            enthalpy[point] = curve.enthalpy(temperature[point]);
-            heat += volume * enthalpy[point];
-            mass += self.mass[point];
         }
+        let heat = reducer.total(heat);
         self.state.heat += heat;
-        self.state.mass[1] += mass;
+        self.state.mass[1] += reducer.total(mass);
         account.supply(heat);
         true
     }
@@ -145,9 +162,9 @@ impl Growth {
         }
     }
 
-    pub(super) fn mass_balance(&self) -> Balance {
+    pub(super) fn mass_balance(&self, world: &World) -> Balance {
         let [initial, deposited] = self.state.mass;
-        let stored = self.sum(&self.mass);
+        let stored = self.total_mass(world);
         let balance = Balance::new("mass", "kg", stored, initial, deposited);
         balance.of_size(stored).with_deposited(deposited)
     }

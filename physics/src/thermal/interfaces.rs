@@ -116,11 +116,13 @@ impl Interfaces {
         family: &Family,
         points: MaterialPoints<'_>,
         changed: &[u32],
+        reducer: &Reducer,
     ) {
         for &point in changed {
             let at = |slot| family.mirrored_point(slot);
             self.distance[point as usize] = distance(family, points, point as usize, at);
         }
+        reducer.bring(&mut self.distance);
     }
 
     pub(super) fn of(&self, point: usize) -> f64 {

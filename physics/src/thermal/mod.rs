@@ -89,7 +89,6 @@ pub use keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
 
 use perimelt_core::body::Horizon;
 use perimelt_core::keys as core_keys;
-use perimelt_core::plugin::check_length;
 use perimelt_core::world::FamilyReach;
 use perimelt_core::{
     Balance, Fact, LoadError, Physics, PhysicsReport, Prepared, Read, Report, RunError,
@@ -296,7 +295,7 @@ impl RunningPhysics for RunningThermal {
             None => vec![balance],
             Some(growth) => {
                 let heat = balance.with_deposited(growth.deposited_heat());
-                vec![heat, growth.mass_balance()]
+                vec![heat, growth.mass_balance(world)]
             }
         }
     }
@@ -316,23 +315,21 @@ impl RunningPhysics for RunningThermal {
         reports.into()
     }
 
-    fn save(&self, _: &World) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(Saved {
             heat: self.heat,
             control: self.integrator.control(),
-            growth: self.growth.as_ref().map(|growth| growth.state.clone()),
+            growth: self.growth.as_ref().map(|growth| growth.save(world)),
         })
     }
 
-    fn load(&mut self, _world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
+    fn load(&mut self, world: &World, state: SavedState<'_, '_>) -> Result<(), LoadError> {
         let saved: Saved = erased_serde::deserialize(state)?;
         self.heat = saved.heat;
         self.integrator.set_control(saved.control);
         self.stable_step = None;
         if let (Some(growth), Some(state)) = (&mut self.growth, saved.growth) {
-            growth.state = state;
-            let [found, expected] = growth.points();
-            check_length("born points", found, expected)?;
+            growth.load(world, state)?;
         }
         Ok(())
     }

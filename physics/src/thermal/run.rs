@@ -231,9 +231,10 @@ impl RunningThermal {
                 let pairs = near.iter().zip(found);
                 pairs.for_each(|(&point, sum)| sums[point as usize] = [sum]);
             } else {
-                let points: Vec<u32> = (0..material.len() as u32).collect();
+                let points: Vec<u32> = (0..reducer.owned() as u32).collect();
                 let found = points.par_iter().map(|p| [find(p)]);
                 found.fill(sums);
+                sums.resize(material.len(), [0.0]);
             }
             growth.row_sums_of = Some(family.version());
             return;

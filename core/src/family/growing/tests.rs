@@ -1,5 +1,5 @@
 use super::*;
-use crate::body::Face;
+use crate::body::{Body, Face};
 use crate::family::{Bond, BondKernel, ByRules, Correction, LayerRule, SlotField};
 use crate::shape::{BoxShape, Shape};
 
@@ -76,13 +76,13 @@ fn in_any_order_heat_is_conserved_uniform_stays_uniform_and_the_end_is_the_body_
         let values = field(&body);
         let uniform = vec![300.0; points];
         let mut active = vec![false; points];
-        let mut family = Family::growing(&body, &spec, &active, 0).expect("valid");
+        let mut family = Family::growing(Share::whole(&body), &spec, &active, 0).expect("valid");
         let order = shuffled(points, seed);
         for some in order.chunks(points / 13 + 1) {
             some.iter().for_each(|&p| active[p] = true);
             family.set_active(&active);
             // the same bits as a family that starts with these points, as after a restart
-            let fresh = Family::growing(&body, &spec, &active, 0).expect("valid");
+            let fresh = Family::growing(Share::whole(&body), &spec, &active, 0).expect("valid");
             let (now, layers) = sums(&family, &values);
             assert_eq!((now.clone(), layers.clone()), sums(&fresh, &values));
             let inner: f64 = now.iter().sum::<f64>() - layers.iter().sum::<f64>();
@@ -100,7 +100,7 @@ fn in_any_order_heat_is_conserved_uniform_stays_uniform_and_the_end_is_the_body_
             active[*point] = false;
         }
         family.set_active(&active);
-        let fresh = Family::growing(&body, &spec, &active, 0).expect("valid");
+        let fresh = Family::growing(Share::whole(&body), &spec, &active, 0).expect("valid");
         assert_eq!(sums(&family, &values), sums(&fresh, &values));
     }
 }
@@ -115,7 +115,7 @@ fn a_body_that_ends_where_material_ends_is_the_smaller_body() {
         };
         let (large, small) = (block([9.0, 7.0, 8.0], 3), block([9.0, 7.0, 5.0], 3));
         let active: Vec<bool> = large.points.position.iter().map(|x| x.z < 5.0).collect();
-        let grown = Family::growing(&large, &spec, &active, 0).expect("valid");
+        let grown = Family::growing(Share::whole(&large), &spec, &active, 0).expect("valid");
         let (grown, _) = sums(&grown, &field(&large));
         let family = Family::build(&small, &spec).expect("valid");
         let (alone, _) = sums(&family, &field(&small));
@@ -129,7 +129,8 @@ fn a_body_that_ends_where_material_ends_is_the_smaller_body() {
 fn only_bonds_near_the_front_are_found_again() {
     let body = block([60.0, 9.0, 1.0], 2);
     let mut active: Vec<bool> = body.points.position.iter().map(|x| x.x < 30.0).collect();
-    let mut family = Family::growing(&body, &spec(&[Face::YMin]), &active, 0).expect("valid");
+    let mut family =
+        Family::growing(Share::whole(&body), &spec(&[Face::YMin]), &active, 0).expect("valid");
     let version = family.version();
     let point = body.points.position.iter().position(|x| x.x > 30.0);
     active[point.expect("there is one")] = true;
@@ -153,6 +154,6 @@ fn bodies_without_a_stencil_are_refused() {
     let mut body = block([9.0, 7.0, 5.0], 3);
     body.store = body::Store::List;
     let active = vec![true; body.points.len()];
-    let refused = Family::growing(&body, &FamilySpec::new(3.0), &active, 0);
+    let refused = Family::growing(Share::whole(&body), &FamilySpec::new(3.0), &active, 0);
     assert!(matches!(refused, Err(FamilyError::Growing(_))));
 }

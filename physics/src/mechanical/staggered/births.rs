@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::LayerRule;
+use perimelt_core::solver::Reducer;
 
 use super::Corners;
 use crate::mechanical::growth::continued_part;
@@ -28,9 +29,36 @@ struct Known {
     velocity: Vector3<f64>,
 }
 
+impl Known {
+    /// Replaces what is known of corners by what their owners know. Collective.
+    fn bring(corners: &Reducer, all: &mut [Option<Known>]) {
+        const NUMBERS: usize = 16;
+        if corners.processes().size() == 1 {
+            return;
+        }
+        let mut numbers = vec![[0.0; NUMBERS]; all.len()];
+        for (numbers, known) in numbers.iter_mut().zip(&*all) {
+            if let Some(known) = known {
+                numbers[0] = 1.0;
+                numbers[1..4].copy_from_slice(known.displacement.as_slice());
+                numbers[4..13].copy_from_slice(known.gradient.as_slice());
+                numbers[13..].copy_from_slice(known.velocity.as_slice());
+            }
+        }
+        corners.bring(numbers.as_flattened_mut());
+        for (known, numbers) in all.iter_mut().zip(&numbers) {
+            *known = (numbers[0] > 0.0).then(|| Known {
+                displacement: Vector3::from_column_slice(&numbers[1..4]),
+                gradient: Matrix3::from_column_slice(&numbers[4..13]),
+                velocity: Vector3::from_column_slice(&numbers[13..]),
+            });
+        }
+    }
+}
+
 impl Corners {
-    /// Sets the motion of corners that have material now and had none before: it continues that of the corners with which
-    /// they share a cell, next to the body first.
+    /// Sets the motion of corners of this process that have material now and had none before: it continues that of the corners with which
+    /// they share a cell, next to the body first. Collective.
     pub(in crate::mechanical) fn place_born(&self, motion: &mut CornerMotion, births: Births<'_>) {
         let (nodes, _) = motion.displacement.as_chunks_mut::<3>();
         let (velocities, _) = motion.velocity.as_chunks_mut::<3>();
@@ -38,23 +66,26 @@ impl Corners {
             let velocity = velocities.get(corner).copied().unwrap_or_default();
             self.known(corner, [nodes[corner], velocity], births)
         };
+        let corners = self.reducer();
         let mut known: Vec<Option<Known>> = (0..nodes.len()).map(known).collect();
+        Known::bring(corners, &mut known);
         let is_waiting = |corner: &usize| {
             known[*corner].is_none() && self.around(*corner, births.present).next().is_some()
         };
-        let born: Vec<usize> = (0..nodes.len()).filter(is_waiting).collect();
+        let born: Vec<usize> = (0..corners.owned()).filter(is_waiting).collect();
         let mut waiting = born.clone();
-        while !waiting.is_empty() {
+        while corners.any(!waiting.is_empty()) {
             let placed = waiting.iter();
             let placed: Vec<_> = placed
                 .map(|&corner| self.continued(corner, &known, births.present))
                 .collect();
             // where nothing is there to which the material is attached, it stays at rest
-            let is_alone = placed.iter().all(Option::is_none);
+            let is_alone = !corners.any(placed.iter().any(Option::is_some));
             for (&corner, placed) in waiting.iter().zip(placed) {
                 known[corner] = placed.or_else(|| is_alone.then(Known::default));
             }
             waiting.retain(|corner| known[*corner].is_none());
+            Known::bring(corners, &mut known);
         }
         let held = self.held(Held::default(), births.rules, births.present);
         for corner in born {

@@ -1,5 +1,7 @@
 //! Corners of the cells of a lattice: their numbers, and what reaches them from the points around.
 
+use std::borrow::Cow;
+
 use nalgebra::Vector3;
 use perimelt_core::body::{Lattice, NO_POINT};
 use perimelt_core::family::LayerRule;
@@ -184,6 +186,15 @@ impl Corners {
     /// Whether the corners of each point have their values; empty in a run of one process, where all have.
     pub(in crate::mechanical) fn known_points(&self) -> &[bool] {
         &self.shared.is_known
+    }
+
+    /// Those of some points whose corners have their values.
+    pub(in crate::mechanical) fn known_among<'a>(&self, points: &'a [bool]) -> Cow<'a, [bool]> {
+        let known = self.known_points();
+        match known.is_empty() {
+            true => Cow::Borrowed(points),
+            false => points.iter().zip(known).map(|(p, k)| *p && *k).collect(),
+        }
     }
 
     /// Number of corners of a cell.

@@ -229,7 +229,8 @@ impl<const D: usize> Staggered<D> {
         let modes = |this: &Self| points.clone().map(|p| this.eigenstrain_modes(p)).collect();
         let was_loose: Vec<bool> = points.clone().map(|p| self.gradient.is_loose(p)).collect();
         let before: Vec<Amplitudes> = modes(self);
-        self.gradient.set_present(present);
+        self.gradient
+            .set_present(&self.corners.known_among(present));
         let after: Vec<Amplitudes> = modes(self);
         let all = &mut self.base.relieved.modes;
         all.resize(present.len(), Amplitudes::default());

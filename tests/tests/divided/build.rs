@@ -1,0 +1,165 @@
+//! Bodies that grow and are cut, shared by processes.
+
+/// A wall that an arc builds up on a plate in two beads, the second one when the part has cooled. Then the plate is cut off.
+pub const BUILD: &str = r#"
+[bodies.part]
+shape.union = [
+  { box = { min = [0, 0, 0], max = [0.02, 0.01, 0.003] } },
+  { box = { min = [0.003, 0, 0.003], max = [0.017, 0.003, 0.007] } },
+]
+spacing = 1e-3
+material = "steel"
+materials = { end = "tin" }
+regions.end.box = { min = [0.013, 0, 0], max = [1, 1, 1] }
+initial.temperature = "350 + 2e3 * x"
+regions.wall.box = { min = [0, 0, 0.003], max = [1, 1, 1] }
+regions.plate.box = { min = [0, 0, 0], max = [1, 1, 0.003] }
+
+[materials.steel]
+density = 7800
+thermal_expansion = 1.2e-5
+youngs_modulus = { temperature = [300, 1600], value = [2.1e11, 2e10] }
+poissons_ratio = 0.3
+yield_stress = { temperature = [300, 1600], value = [2e8, 1e7] }
+hardening_modulus = 2e9
+specific_heat = 600
+conductivity = { temperature = [300, 1500], value = [40, 25] }
+solidus = 1700
+liquidus = 1750
+latent_heat = 2.5e5
+emissivity = 0.5
+
+[materials.tin]
+density = 7300
+thermal_expansion = 2e-5
+youngs_modulus = 5e10
+poissons_ratio = 0.3
+yield_stress = 5e7
+hardening_modulus = 1e9
+specific_heat = 300
+conductivity = 60
+solidus = 1700
+liquidus = 1750
+latent_heat = 1e5
+emissivity = 0.3
+
+[[physics]]
+type = "thermal"
+horizon = HORIZON
+
+[[physics]]
+type = "thermal_history"
+
+[[couplers]]
+type = "phase_change"
+
+[[couplers]]
+type = "goldak"
+name = "torch"
+power = 4000
+efficiency = 0.8
+front_length = 2e-3
+rear_length = 3e-3
+half_width = 2e-3
+depth = 2e-3
+[[couplers.toolpath.sequence.passes]]
+toolpath.line = { start = [0.003, 0, 0.005], end = [0.017, 0, 0.005], speed = 0.015 }
+[[couplers.toolpath.sequence.passes]]
+toolpath.line = { start = [0.017, 0, 0.007], end = [0.003, 0, 0.007], speed = 0.015 }
+wait_until = { temperature = 1300 }
+
+[[couplers]]
+type = "deposit"
+region = "wall"
+source = "torch"
+heat = "from_source"
+temperature = 1900
+bead = { width = 6e-3, height = 2e-3 }
+
+[[couplers]]
+type = "cut"
+region = "plate"
+time = 3.0
+
+[[couplers]]
+type = "symmetry"
+face = "y-"
+
+[[couplers]]
+type = "convection"
+coefficient = 2000
+ambient = 293.15
+
+[[couplers]]
+type = "radiation"
+ambient = 293.15
+
+[time]
+end = 3.3
+
+[log]
+interval = 0.55
+"#;
+
+/// The wall with stress, which builds up as the metal shrinks.
+pub fn solid(formulation: &str, solver: &str) -> String {
+    let mechanical = format!(
+        r#"[[physics]]
+type = "mechanical"
+formulation = "{formulation}"
+plasticity = {{ annealing_temperature = 1200 }}
+{solver}
+
+[[couplers]]
+type = "thermal_expansion"
+reference_temperature = 350
+cutoff_temperature = 1200
+
+[[couplers]]
+type = "phase_change""#
+    );
+    (BUILD.replace("HORIZON", "1")).replace("[[couplers]]\ntype = \"phase_change\"", &mechanical)
+}
+
+/// A bar in motion that gets layers and loses them.
+pub const MOVING_BAR: &str = r#"
+[bodies.bar]
+shape.box = { min = [0, 0, 0], max = [0.04, 0.008, 1] }
+dimension = 2
+spacing = 5e-4
+material = "metal"
+initial.velocity = ["3 + 50 * x", "0", "0"]
+regions.layer.box = { min = [0, 0.004, 0], max = [0.03, 0.008, 1] }
+
+[materials.metal]
+density = 7800
+youngs_modulus = 200e9
+poissons_ratio = 0.3
+
+[[physics]]
+type = "mechanical"
+formulation = "FORMULATION"
+kinematics = "finite"
+solver.explicit = {}
+
+[[couplers]]
+type = "deposit"
+region = "layer"
+temperature = 300
+layers = { height = 1e-3, interval = 5e-6, first = 5e-6 }
+
+[[couplers]]
+type = "cut"
+region = "layer"
+time = 2e-5
+
+[[couplers]]
+type = "gravity"
+acceleration = [0, -9.81, 0]
+
+[time]
+end = 3e-5
+
+[log]
+interval = 1e-5
+"#;
