@@ -14,7 +14,7 @@ use toml::{Table, Value};
 
 /// Bodies of more points than this, at the coarsest spacing that a case can have, are left out; a point of
 /// a cloud counts for ten, as its sums are slow and its equilibria take many.
-const POINTS: usize = 60_000;
+const POINTS: usize = 40_000;
 /// Macro steps of a short run; a state is logged after every second one.
 const STEPS: f64 = 8.0;
 /// Most steps of the physics with the shortest ones: a step of heat can be ten thousand of waves.
@@ -22,6 +22,8 @@ const SUB_STEPS: f64 = 200.0;
 
 /// Every so many kinds are shared by processes, which takes longer than all other modes together.
 const SHARED: usize = 4;
+/// Every so many kinds are run with both stores, to a tolerance that takes as long as the rest.
+const STORES: usize = 3;
 
 fn case_files() -> Vec<PathBuf> {
     let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases");
@@ -185,8 +187,8 @@ fn shared(case: &Case, out: &Path) -> Option<Vec<u8>> {
     Some(last_checkpoint(out))
 }
 
-/// Checks the case in all modes, shared by processes where it `is_shared`; whether they can share it.
-fn check(file: &Path, case_table: &mut Table, folder: &Path, is_shared: bool) -> bool {
+/// Checks the case on threads, resumed and replayed, and shared by processes where it `is_shared`; whether they can share it.
+fn check(file: &Path, case_table: &Table, folder: &Path, is_shared: bool) -> bool {
     let name = file.display();
     let case = parse(file, case_table);
     let at = |log: &str| folder.join(log);
@@ -230,7 +232,20 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path, is_shared: bool) ->
     let straight = at("straight.mcap");
     assert!(!told(&["info", &straight.to_string_lossy()]).contains("stopped before"));
     told(&["replay", &straight.to_string_lossy()]);
+    shared.is_some()
+}
 
+/// Checks that a case ends in the same state with both stores.
+fn check_stores(file: &Path, case_table: &mut Table) {
+    let name = file.display();
+    let couplers = case_table.get("couplers").and_then(|c| c.as_array());
+    let changes_points = |c: &toml::Value| {
+        let kind = c.get("type").and_then(|t| t.as_str());
+        matches!(kind, Some("deposit" | "cut"))
+    };
+    if couplers.is_some_and(|c| c.iter().any(changes_points)) {
+        return; // a body that grows or is cut has a lattice
+    }
     // equilibrium only as good as the default would hide behind its tolerance; that of a slender body cannot be found more
     // exactly than its displacements are rounded
     let mut tolerances = [1e-12, 1e-10, 1e-9].into_iter();
@@ -241,14 +256,6 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path, is_shared: bool) ->
             Err(error) => println!("{name}: {error}"),
         }
     };
-    let couplers = case_table.get("couplers").and_then(|c| c.as_array());
-    let changes_points = |c: &toml::Value| {
-        let kind = c.get("type").and_then(|t| t.as_str());
-        matches!(kind, Some("deposit" | "cut"))
-    };
-    if couplers.is_some_and(|c| c.iter().any(changes_points)) {
-        return shared.is_some(); // a body that grows or is cut has a lattice
-    }
     for (_, body) in table(case_table, "bodies").iter_mut() {
         body.as_table_mut()
             .expect("a table")
@@ -275,7 +282,6 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path, is_shared: bool) ->
             apart / largest
         );
     }
-    shared.is_some()
 }
 
 // two tests, which run side by side
@@ -303,7 +309,10 @@ fn check_kinds(kinds: impl ExactSizeIterator<Item = Vec<PathBuf>>) {
         };
         let folder = tempfile::tempdir().expect("a folder for logs");
         let is_shared = number % SHARED == 0;
-        shared += usize::from(check(file, &mut case, folder.path(), is_shared));
+        shared += usize::from(check(file, &case, folder.path(), is_shared));
+        if number % STORES == 0 {
+            check_stores(file, &mut case);
+        }
         println!("{}: {:.1?}", file.display(), started.elapsed());
     }
     assert!(shared > 5, "processes share some of the cases: {shared}");
