@@ -17,6 +17,12 @@ impl PointRows {
         self.values.extend_from_slice(row);
     }
 
+    /// Takes all rows away.
+    pub fn clear(&mut self) {
+        self.points.clear();
+        self.values.clear();
+    }
+
     /// Points and their rows of a length that is not zero.
     pub fn iter(&self, length: usize) -> impl Iterator<Item = (usize, &[u64])> {
         let points = self.points.iter().map(|point| *point as usize);

@@ -116,7 +116,7 @@ impl RunningCoupler for RunningLorentzForce {
     }
 }
 
-perimelt_core::register_coupler!("lorentz_force", LorentzForce, supports: [Births, Cuts, Window]);
+perimelt_core::register_coupler!("lorentz_force", LorentzForce, supports: [Births, Cuts, Window, Division]);
 
 #[cfg(test)]
 mod tests {

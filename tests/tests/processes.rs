@@ -2,7 +2,7 @@
 
 mod divided;
 
-use divided::build::{BUILD, MOVING_BAR, solid};
+use divided::build::{BUILD, JET, MOVING_BAR, POOL, solid};
 use divided::cases::{
     BRACKET, CRACK, PERIODIC, QUENCH, WELD, cooled, correspondence, dissimilar, formulated, free,
     heated, jittered, layered, ordinary, shrunk, steady, still, struck, torn, weld_by,
@@ -265,6 +265,30 @@ fn a_quench_goes_on_with_another_number_of_processes() {
     assert_goes_on(&staggered, 0.2, &[(1, 3), (3, 1), (2, 4)]);
     let correspondence = text.replace("FORMULATION", "correspondence");
     assert_goes_on(&correspondence, 0.2, &[(2, 3)]);
+}
+
+/// The film of a jet lifts off somewhere along a row of cells, from where on all processes have it.
+#[test]
+fn water_jets_have_the_same_bits_for_any_number_of_processes() {
+    let alone = run_in(1, JET, f64::INFINITY, None);
+    assert!(alone.number("film.lifted_off") > 0.0 && alone.number("film.wet") > 0.0);
+    assert_shared(JET, &alone, &[2, 3, 5], "jet");
+}
+
+/// A pool moves over the cuts between processes.
+#[test]
+fn melt_flow_has_the_same_bits_for_any_number_of_processes() {
+    let alone = run_in(1, POOL, f64::INFINITY, None);
+    for name in [
+        "speed.max",
+        "liquid.volume",
+        "boundary_layer.points",
+        "momentum_to_solid.x",
+    ] {
+        assert!(alone.number(name) != 0.0, "{name}");
+    }
+    assert_shared(POOL, &alone, &[2, 3, 5], "pool");
+    assert_goes_on(POOL, 0.15, &[(1, 3), (3, 2)]);
 }
 
 /// Bodies that grow and are cut off.

@@ -28,9 +28,19 @@ pub struct Lattice {
 }
 
 impl Lattice {
+    /// The lattice of the whole body, with the numbers that its points have there; this one where the points are not those of a part.
+    pub fn whole(&self) -> &Lattice {
+        self.whole.as_deref().unwrap_or(self)
+    }
+
+    /// Centre of a cell, m.
+    pub fn centre(&self, cell: [u32; 3]) -> Vector3<f64> {
+        self.origin + Vector3::from(cell.map(|c| (f64::from(c) + 0.5) * self.spacing))
+    }
+
     /// Whether a point lies in the layer of cells at a face.
     pub fn reaches(&self, face: Face) -> bool {
-        let this = self.whole.as_deref().unwrap_or(self);
+        let this = self.whole();
         let axis = face.axis();
         let last = match face.is_upper() {
             true => self.cells[axis] as u32 - 1,
@@ -69,7 +79,7 @@ impl Lattice {
 
     /// Whether every cell holds a point.
     pub fn is_full(&self) -> bool {
-        let this = self.whole.as_deref().unwrap_or(self);
+        let this = self.whole();
         this.cell_of_point.len() == this.point_of_cell.len()
     }
 }
@@ -116,29 +126,32 @@ impl Body {
             origin,
             spacing,
             cells,
-            point_of_cell: vec![NO_POINT; total as usize],
+            point_of_cell: Vec::new(),
             cell_of_point: Vec::new(),
             whole: None,
         };
-        let mut position = Vec::new();
+        let (mut position, mut cell_of_point) = (Vec::new(), Vec::new());
+        let mut point_of_cell = vec![NO_POINT; total as usize];
+        let centre = |cell| lattice.centre(cell);
         let tolerance = 1e-6 * spacing;
-        for (index, point) in lattice.point_of_cell.iter_mut().enumerate() {
+        for (index, point) in point_of_cell.iter_mut().enumerate() {
             let cell = [
                 index % cells[0],
                 index / cells[0] % cells[1],
                 index / (cells[0] * cells[1]),
             ]
             .map(|c| c as u32);
-            let centre = origin + Vector3::from(cell.map(|c| (f64::from(c) + 0.5) * spacing));
+            let centre = centre(cell);
             if shape.contains(&centre, tolerance) {
                 *point = position.len() as u32;
                 position.push(centre);
-                lattice.cell_of_point.push(cell);
+                cell_of_point.push(cell);
             }
         }
         if position.is_empty() {
             return Err(no_points());
         }
+        (lattice.point_of_cell, lattice.cell_of_point) = (point_of_cell, cell_of_point);
         let volume = vec![
             spacing.powi(dimension as i32)
                 * if dimension == 3 { 1.0 } else { thickness };

@@ -104,6 +104,15 @@ impl Processes {
         -self.max(-value)
     }
 
+    /// Replaces numbers by the least ones of all processes.
+    pub fn min_each(&self, values: &mut [f64]) {
+        if let Some(transport) = self.transport() {
+            values.iter_mut().for_each(|value| *value = -*value);
+            transport.max(values);
+            values.iter_mut().for_each(|value| *value = -*value);
+        }
+    }
+
     /// Whether something is true in any process.
     pub fn any(&self, value: bool) -> bool {
         self.max(f64::from(u8::from(value))) > 0.0

@@ -22,6 +22,8 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use perimelt_core::material::Property;
 use perimelt_core::numbers::{check_above, check_at_least, check_finite, check_positive};
+use perimelt_core::solver::ExactSum;
+use perimelt_core::world::BodyIndex;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{
     Coupler, Face, Prepared, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step,
@@ -145,6 +147,7 @@ struct RowCell {
 
 /// A water jet that is ready to act.
 struct RunningWaterJet {
+    body: BodyIndex,
     flow: Face,
     /// Coordinate along the flow at time 0, m.
     start: f64,
@@ -156,10 +159,14 @@ struct RunningWaterJet {
     leidenfrost: f64,
     heat: SurfaceHeat<FilmLaw>,
     temperature: Read<f64>,
-    /// Row of each point, by its first cell, and distance of the point along the flow from the origin (m).
-    place: Vec<([u32; 3], f64)>,
-    /// Rows of cell faces, each in the order of the flow.
-    rows: Vec<Vec<RowCell>>,
+    /// Row of each point, and distance of the point along the flow from the origin (m).
+    place: Vec<(u32, f64)>,
+    /// Number of rows that a face has at most.
+    rows_of_face: usize,
+    /// Rows of cell faces, each in the order of the flow, with their numbers, which are the same in all processes.
+    rows: Vec<(usize, Vec<RowCell>)>,
+    /// Where the film has lifted off in each row, m along the flow; infinite where it has not.
+    lifted: Vec<f64>,
     /// Area of each of [`Film::ALL`], m².
     areas: [f64; 3],
     /// Version of the cell faces in the rows.
@@ -169,10 +176,12 @@ struct RunningWaterJet {
 impl RunningWaterJet {
     /// Finds the rows of the surface that is bare now.
     fn find_rows(&mut self) {
-        let mut rows: BTreeMap<(Face, [u32; 3]), Vec<RowCell>> = BTreeMap::new();
+        let mut rows: BTreeMap<usize, Vec<RowCell>> = BTreeMap::new();
         for (index, cell) in self.heat.cells().iter().enumerate() {
             let (row, along) = self.place[cell.point as usize];
-            let row = rows.entry((cell.face, row)).or_default();
+            let row = rows
+                .entry(cell.face as usize * self.rows_of_face + row as usize)
+                .or_default();
             row.push(RowCell {
                 cell: index,
                 point: cell.point as usize,
@@ -180,10 +189,8 @@ impl RunningWaterJet {
                 area: cell.area,
             });
         }
-        self.rows = rows.into_values().collect();
+        self.rows = rows.into_iter().collect();
         self.version = self.heat.version();
-        let rows = self.rows.iter_mut();
-        rows.for_each(|row| row.sort_by(|a, b| a.along.total_cmp(&b.along)));
     }
 }
 
@@ -253,14 +260,22 @@ impl Coupler for WaterJet {
                 "a body on one regular grid",
             ));
         };
+        let across = [0, 1, 2].map(|a| {
+            if a == axis {
+                1
+            } else {
+                lattice.cells[a] as u32
+            }
+        });
         let place = |(position, cell): (&Vector3<f64>, &[u32; 3])| {
-            let mut row = *cell;
-            row[axis] = 0;
+            let [i, j, k] = [0, 1, 2].map(|a| if a == axis { 0 } else { cell[a] });
+            let row = (k * across[1] + j) * across[0] + i;
             let along = position[axis];
             (row, if self.flow.is_upper() { along } else { -along })
         };
         let points = this.points.position.iter().zip(&lattice.cell_of_point);
         let place: Vec<_> = points.map(place).collect();
+        let rows_of_face = across.iter().product::<u32>() as usize;
         let through_plane = self.faces.is_empty() && this.dimension == 2;
         if self.faces.is_empty() && !through_plane {
             let message = "the cooled surface is not given";
@@ -284,6 +299,7 @@ impl Coupler for WaterJet {
             }
         };
         let mut running = RunningWaterJet {
+            body,
             flow: self.flow,
             start: self.start,
             speed: self.speed,
@@ -292,8 +308,10 @@ impl Coupler for WaterJet {
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             rows: Vec::new(),
+            lifted: vec![f64::INFINITY; Face::ALL.len() * rows_of_face],
             areas: [0.0; 3],
             place,
+            rows_of_face,
             version: 0,
         };
         running.find_rows();
@@ -310,24 +328,37 @@ impl RunningCoupler for RunningWaterJet {
         let temperature = world.read(self.temperature);
         let jet = self.start + self.speed * step.middle();
         let jet = if self.flow.is_upper() { jet } else { -jet };
-        self.areas = [0.0; 3];
+        let reducer = world.reducer(self.body);
+        let is_own = |part: &RowCell| part.point < reducer.owned();
+        self.lifted.fill(f64::INFINITY);
+        for (row, parts) in &self.rows {
+            for part in parts.iter().filter(|part| is_own(part)) {
+                let is_behind = part.along - jet > self.impingement;
+                if is_behind && temperature[part.point] > self.leidenfrost {
+                    self.lifted[*row] = self.lifted[*row].min(part.along);
+                }
+            }
+        }
+        // a row may lie in several processes
+        reducer.processes().min_each(&mut self.lifted);
+        let mut areas = [(); 3].map(|()| ExactSum::default());
         let mut law = self.heat.law();
         let cells = self.heat.cells().len();
         law.film.resize(cells, Film::Dry);
-        for row in &self.rows {
-            let mut lifted = false;
-            for part in row {
-                let behind = part.along - jet;
-                lifted |= behind > self.impingement && temperature[part.point] > self.leidenfrost;
-                let film = match (behind >= 0.0, lifted) {
+        for (row, parts) in &self.rows {
+            for part in parts {
+                let film = match (part.along >= jet, part.along >= self.lifted[*row]) {
                     (false, _) => Film::Dry,
                     (true, false) => Film::Wet,
                     (true, true) => Film::LiftedOff,
                 };
-                self.areas[film as usize] += part.area;
+                if is_own(part) {
+                    areas[film as usize].add(part.area);
+                }
                 law.film[part.cell] = film;
             }
         }
+        self.areas = areas.map(|area| reducer.total(area));
         Ok(())
     }
 
@@ -338,7 +369,7 @@ impl RunningCoupler for RunningWaterJet {
     }
 }
 
-perimelt_core::register_coupler!("water_jet", WaterJet, supports: [Flow, Births, Cuts]);
+perimelt_core::register_coupler!("water_jet", WaterJet, supports: [Flow, Births, Cuts, Division]);
 
 #[cfg(test)]
 mod tests;

@@ -5,7 +5,7 @@ use perimelt_core::numbers::check_positive;
 use perimelt_core::text::position;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::activity::is_active;
-use perimelt_core::{Body, Change, Read, Setup, SetupError, World};
+use perimelt_core::{Body, Read, Setup, SetupError, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -71,10 +71,7 @@ impl WaitUntil {
             (Some(region), None) => Points::Region(setup.region(body, "toolpath", region)?.points),
             (None, Some(at)) => {
                 let at = Vector3::from(at);
-                let message = "several processes share no `wait_until.at`";
-                let expected = "`region`, the whole body, or one process";
-                let error = SetupError::value("toolpath", message, expected);
-                setup.refuse(body, Change::Division, error)?;
+                let owned = setup.world().reducer(body).owned();
                 let body = setup.body(body);
                 let (min, max) = body.bounds();
                 let margin = body.finest_spacing();
@@ -91,7 +88,7 @@ impl WaitUntil {
                     );
                     return refuse(message, "a place on the body");
                 }
-                let nearest = nearest(body, &at, |_| true).unwrap_or(0);
+                let nearest = nearest(body, &at, |point| point < owned).unwrap_or(0);
                 Points::Place { at, nearest }
             }
             (None, None) => Points::All,
@@ -128,7 +125,7 @@ pub(super) struct Gauge {
 enum Points {
     All,
     Region(Vec<u32>),
-    /// A position (m) and its nearest point.
+    /// A position (m) and the nearest point that this process owns.
     Place {
         at: Vector3<f64>,
         nearest: usize,
@@ -136,7 +133,7 @@ enum Points {
 }
 
 impl Gauge {
-    /// The measured temperature, K; `None` where there is no material.
+    /// The measured temperature, K; `None` where there is no material. Collective.
     pub(super) fn measure(
         &self,
         world: &World,
@@ -159,10 +156,21 @@ impl Gauge {
         match &self.points {
             Points::All => extreme(&mut (0..values.len())),
             Points::Region(points) => extreme(&mut points.iter().map(|p| *p as usize)),
-            Points::Place { nearest, .. } if is_there(*nearest) => Some(values[*nearest]),
-            Points::Place { at, .. } => {
-                let point = nearest(world.body(body), at, is_there)?;
-                Some(values[point])
+            Points::Place { at, nearest: known } => {
+                let this = world.body(body);
+                let own = match is_there(*known) {
+                    true => Some(*known),
+                    false => nearest(this, at, |p| p < reducer.owned() && is_there(p)),
+                };
+                let or_none = |number: Option<f64>| number.unwrap_or(f64::INFINITY);
+                let distance = own.map(|point| square_distance(this, point, at));
+                let least = reducer.min(or_none(distance));
+                let own = own.filter(|_| distance == Some(least));
+                let number = own.map(|point| f64::from(reducer.number(point)));
+                let first = reducer.min(or_none(number));
+                let own = own.filter(|_| number == Some(first));
+                let value = reducer.min(or_none(own.map(|point| values[point])));
+                value.is_finite().then_some(value)
             }
         }
     }
@@ -170,17 +178,16 @@ impl Gauge {
 
 /// The point nearest to a position (m) among those that pass a test.
 fn nearest(body: &Body, at: &Vector3<f64>, test: impl Fn(usize) -> bool) -> Option<usize> {
-    let distance = |position: &Vector3<f64>| {
-        let apart = position - at;
-        (0..body.dimension)
-            .map(|axis| apart[axis] * apart[axis])
-            .sum::<f64>()
-    };
-    let points = body.points.position.iter().enumerate();
-    let points = points.filter(|(point, _)| test(*point));
-    points
-        .min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))
-        .map(|(point, _)| point)
+    let distance = |point: &usize| square_distance(body, *point, at);
+    let points = (0..body.points.len()).filter(|point| test(*point));
+    points.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
+/// Square of the distance of a point from a position (m) along the axes of the body, m².
+fn square_distance(body: &Body, point: usize, at: &Vector3<f64>) -> f64 {
+    let apart = body.points.position[point] - at;
+    let along = (0..body.dimension).map(|axis| apart[axis] * apart[axis]);
+    along.sum()
 }
 
 #[cfg(test)]

@@ -44,9 +44,8 @@ impl Heat {
         }
     }
 
-    /// Starts a step with these enthalpies by point, J/m³.
-    pub(super) fn start(&mut self, melt: &Melt, pool: &Pool, enthalpy: &[f64]) {
-        set_cells(&mut self.start, |i| enthalpy[pool.points[i] as usize]);
+    /// Starts a step with the enthalpies of the cells in `start`.
+    pub(super) fn start(&mut self, melt: &Melt) {
         self.carried.fill(0.0);
         self.derive(melt, 0.0);
     }

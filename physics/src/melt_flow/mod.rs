@@ -12,6 +12,8 @@
 //! `thermal` takes up. Both alternate in each step of `thermal`, within which the flow takes sub-steps of its own. Where nothing
 //! is liquid nothing is computed.
 //!
+//! Of processes that share the body each computes the whole flow, from the state of the liquid cells of all: these are few.
+//!
 //! Of one density and with the viscosity of each cell, by its mean over bonds. Not for: surfaces that deform, shrinkage by freezing,
 //! grains that move.
 
@@ -20,6 +22,7 @@ mod heat;
 mod keys;
 mod melt;
 mod momentum;
+mod points;
 mod pool;
 mod pressure;
 mod stencil;
@@ -32,13 +35,13 @@ pub use keys::{Buoyancy, FreeSurface, MeltFlow};
 use std::mem;
 
 use nalgebra::Vector3;
+use perimelt_core::body::NO_POINT;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::world::activity::is_active;
 use perimelt_core::world::refinement::Level;
 use perimelt_core::{
-    Access, ExpectedGift, Face, LoadError, Physics, PhysicsReport, Prepared, Read, Report,
-    RunError, RunningPhysics, SavedState, Setup, SetupError, Step, StepLimits, Work, World, Write,
-    keys as core_keys,
+    Access, ExpectedGift, Face, LoadError, Physics, PhysicsReport, PointRows, Prepared, Read,
+    Report, RunError, RunningPhysics, SavedState, Setup, SetupError, Step, StepLimits, Work, World,
+    Write, keys as core_keys,
 };
 use serde::{Deserialize, Serialize};
 
@@ -46,6 +49,7 @@ use crate::dependent_keys::need;
 use crate::momentum::AXES;
 use flow::{Cost, Flow, Scheme};
 use melt::Melt;
+use points::MeltPoint;
 use pool::Pool;
 use surface::Surface;
 
@@ -69,9 +73,15 @@ struct RunningMeltFlow {
     least_enthalpy: f64,
     largest_lag: f64,
     pool: Pool,
+    /// By cell, the point of this process; [`NO_POINT`] where it has none.
+    local: Vec<u32>,
     surface: Surface,
     flow: Flow,
     saved: Saved,
+    /// Points that are liquid or were in the last step, as of the start of a step.
+    rows: PointRows,
+    /// Points across the layer under the surface, as last observed.
+    layer: Option<f64>,
     /// Cost of the last step.
     cost: Cost,
 }
@@ -79,7 +89,7 @@ struct RunningMeltFlow {
 /// State besides the fields.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Saved {
-    /// Points of the cells.
+    /// Points of the cells, by their numbers in the whole body.
     points: Vec<u32>,
     /// Largest speed, m/s.
     speed: f64,
@@ -145,6 +155,7 @@ impl Physics for MeltFlow {
             least_enthalpy: least_enthalpy.unwrap_or(f64::INFINITY),
             largest_lag: self.largest_lag,
             pool: Pool::new(this, lattice, slips),
+            local: Vec::new(),
             surface: Surface::new(this, faces),
             melt,
             flow: Flow::new(Scheme {
@@ -152,6 +163,8 @@ impl Physics for MeltFlow {
                 tolerance: self.tolerance,
             }),
             saved: Saved::default(),
+            rows: PointRows::default(),
+            layer: None,
             cost: Cost::default(),
         }))
     }
@@ -194,110 +207,40 @@ impl RunningMeltFlow {
         self.follow_list(world);
     }
 
-    /// Updates the list of cells.
+    /// Updates the list of cells, and reads their state.
     fn follow(&mut self, world: &World) {
         self.follow_window(world);
-        let body = world.body(self.body);
-        let enthalpy = world.read(self.fields.enthalpy);
-        let activity = world.activity(self.body);
-        let (least, material) = (self.least_enthalpy, self.melt.material);
-        let is_liquid = |point: usize| {
-            enthalpy[point] > least
-                && body.material_of_point[point] == material
-                && activity.as_ref().is_none_or(|a| is_active(a[point]))
-        };
-        if !self.pool.update(body, is_liquid) {
-            return;
+        self.gather(world);
+        let points = MeltPoint::all(&self.rows);
+        let liquid = points.filter(|(_, state)| state.is_liquid);
+        let has_changed = (self.pool).update(world.body(self.body), liquid.map(|(point, _)| point));
+        if has_changed {
+            self.freeze(world);
+            self.follow_list(world);
         }
-        self.follow_list(world);
-        self.freeze(world);
-        self.continue_pressure(world);
+        self.load_cells();
+        if has_changed {
+            self.continue_pressure();
+        }
     }
 
     /// Adapts what depends on the list of cells.
     fn follow_list(&mut self, world: &World) {
-        self.surface.follow(world.body(self.body), &self.pool);
+        let body = world.body(self.body);
+        self.surface.follow(body, &self.pool);
         let has_force = self.fields.force.is_some() || self.melt.has_lift();
         self.flow.resize(&self.melt, &self.pool, has_force);
-    }
-
-    /// Brings points that froze to rest.
-    fn freeze(&mut self, world: &World) {
-        let mut velocity = world.write(self.fields.velocity);
-        let mut pressure = world.write(self.fields.pressure);
-        let volume = &world.body(self.body).points.volume;
-        for point in self.pool.before().iter().map(|p| *p as usize) {
-            if self.pool.cell(point).is_none() {
-                let mass = self.melt.density * volume[point];
-                for (sum, v) in self.saved.to_solid.iter_mut().zip(velocity[point].iter()) {
-                    *sum += mass * v;
-                }
-                (velocity[point], pressure[point]) = (Vector3::zeros(), 0.0);
+        let reducer = world.reducer(self.body);
+        if reducer.processes().size() == 1 {
+            self.local.clone_from(&self.pool.points);
+            return;
+        }
+        self.local.clear();
+        self.local.resize(self.pool.len(), NO_POINT);
+        for point in 0..body.points.len() {
+            if let Some(cell) = self.pool.cell(reducer.number(point) as usize) {
+                self.local[cell] = point as u32;
             }
-        }
-    }
-
-    /// Gives points that melted the mean pressure of the neighbours that were liquid before.
-    fn continue_pressure(&mut self, world: &World) {
-        let mut pressure = world.write(self.fields.pressure);
-        let before = self.pool.before();
-        let was_liquid = |point: u32| before.binary_search(&point).is_ok();
-        for (cell, &point) in self.pool.points.iter().enumerate() {
-            if was_liquid(point) {
-                continue;
-            }
-            let neighbours = self.pool.neighbours(cell).iter().filter(|n| n.is_open);
-            let neighbours = neighbours.map(|n| self.pool.points[n.cell as usize]);
-            let (mut sum, mut count) = (0.0, 0.0);
-            for other in neighbours.filter(|p| was_liquid(*p)) {
-                sum += pressure[other as usize];
-                count += 1.0;
-            }
-            pressure[point as usize] = if count > 0.0 { sum / count } else { 0.0 };
-        }
-    }
-
-    /// Reads the state of the cells from the fields.
-    fn load_cells(&mut self, world: &World) {
-        let velocity = world.read::<Vector3<f64>>(self.fields.velocity.into());
-        let pressure = world.read::<f64>(self.fields.pressure.into());
-        let cells = self.flow.momentum.velocity.iter_mut();
-        let cells = cells.zip(&mut self.flow.pressure.values);
-        for ((v, p), &point) in cells.zip(&self.pool.points) {
-            (*v, *p) = (velocity[point as usize].into(), pressure[point as usize]);
-        }
-        if let Some(force) = self.fields.force {
-            let force = world.read(force);
-            let given = &mut self.flow.momentum.given;
-            given.clear();
-            given.extend(
-                self.pool
-                    .points
-                    .iter()
-                    .map(|p| <[f64; 3]>::from(force[*p as usize])),
-            );
-        }
-        let enthalpy = world.read(self.fields.enthalpy);
-        self.flow.heat.start(&self.melt, &self.pool, &enthalpy);
-    }
-
-    /// Writes the state of the cells to the fields, and gives away the heat that was carried.
-    fn store_cells(&self, world: &World) {
-        let mut velocity = world.write(self.fields.velocity);
-        let mut pressure = world.write(self.fields.pressure);
-        let mut carried = world.write(self.fields.carried);
-        let Flow {
-            momentum,
-            pressure: pressures,
-            heat,
-            ..
-        } = &self.flow;
-        let cells = momentum.velocity.iter().zip(&pressures.values);
-        let cells = cells.zip(&heat.carried).zip(&self.pool.points);
-        for (((v, p), heat), &point) in cells {
-            let point = point as usize;
-            (velocity[point], pressure[point]) = ((*v).into(), *p);
-            carried[point] = *heat;
         }
     }
 
@@ -308,15 +251,14 @@ impl RunningMeltFlow {
             return None;
         }
         let body = world.body(self.body);
+        let lattice = body.lattice()?;
         let spacing = self.pool.stencil.spacing;
         let viscosity = self.flow.momentum.largest_viscosity();
         let symmetry = world.symmetry(self.body);
-        // that of the field, which a restart restores
-        let velocity = world.read::<Vector3<f64>>(self.fields.velocity.into());
         let points = self.surface.pools(&self.pool).into_iter().map(|pool| {
             let cells = || pool.iter().copied();
             let along = |axis: usize| {
-                let at = cells().map(|c| body.points.position[self.pool.points[c] as usize][axis]);
+                let at = cells().map(|c| lattice.centre(self.pool.place(lattice, c))[axis]);
                 let (low, high) = at.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
                     (low.min(x), high.max(x))
                 });
@@ -326,7 +268,8 @@ impl RunningMeltFlow {
                 2.0_f64.powi(halves) * (high - low + spacing)
             };
             let length = (0..body.dimension).map(along).fold(0.0, f64::max);
-            let speeds = cells().map(|c| velocity[self.pool.points[c] as usize].norm());
+            let velocity = &self.flow.momentum.velocity;
+            let speeds = cells().map(|c| Vector3::from(velocity[c]).norm());
             let speed = speeds.fold(0.0, f64::max);
             (viscosity * length / speed).sqrt() / spacing
         });
@@ -352,7 +295,6 @@ impl RunningPhysics for RunningMeltFlow {
         let lag = step.size * self.saved.speed / self.pool.stencil.spacing;
         self.saved.longest_lag = self.saved.longest_lag.max(lag);
         if self.pool.len() > 0 {
-            self.load_cells(world);
             let (melt, pool) = (&self.melt, &self.pool);
             let advanced = self.flow.advance(melt, pool, &self.surface, step.size);
             self.cost = advanced.map_err(|cause| RunError::Plugin {
@@ -378,7 +320,8 @@ impl RunningPhysics for RunningMeltFlow {
     }
 
     fn observe(&mut self, world: &World, _time: f64) -> Result<(), RunError> {
-        if let Some(points) = self.layer_points(world) {
+        self.layer = self.layer_points(world);
+        if let Some(points) = self.layer {
             let least = self.saved.thinnest.unwrap_or(f64::INFINITY);
             self.saved.thinnest = Some(points.min(least));
         }
@@ -386,8 +329,8 @@ impl RunningPhysics for RunningMeltFlow {
     }
 
     fn report(&self, world: &World) -> PhysicsReport {
-        let volume = &world.body(self.body).points.volume;
-        let liquid = self.pool.points.iter().map(|p| volume[*p as usize]).sum();
+        let volume = world.body(self.body).points.volume[0];
+        let liquid = self.pool.points.iter().map(|_| volume).sum();
         let mut numbers = vec![
             Report::new("speed.max", "m/s", self.saved.speed),
             Report::new("liquid.volume", "m3", liquid),
@@ -398,7 +341,7 @@ impl RunningPhysics for RunningMeltFlow {
             frozen.map(|(axis, sum)| Report::new(format!("momentum_to_solid.{axis}"), "N s", sum)),
         );
         if self.melt.has_tension() {
-            let points = self.layer_points(world).unwrap_or(0.0);
+            let points = self.layer.unwrap_or(0.0);
             numbers.push(Report::new("boundary_layer.points", "1", points));
         }
         let thin = self.saved.thinnest.filter(|points| *points < 2.0);
@@ -434,8 +377,9 @@ impl RunningPhysics for RunningMeltFlow {
         self.saved = erased_serde::deserialize(state)?;
         let points = mem::take(&mut self.saved.points);
         let body = world.body(self.body);
-        if let Some(point) = points.iter().find(|p| **p as usize >= body.points.len()) {
-            let message = format!("point {point} of a body of {} points", body.points.len());
+        let count = world.points_of_whole(self.body);
+        if let Some(point) = points.iter().find(|p| **p as usize >= count) {
+            let message = format!("point {point} of a body of {count} points");
             return Err(serde::de::Error::custom(message));
         }
         self.pool.restore(body, points);
@@ -444,4 +388,4 @@ impl RunningPhysics for RunningMeltFlow {
     }
 }
 
-perimelt_core::register_physics!("melt_flow", MeltFlow, supports: [Births, Cuts, Window]);
+perimelt_core::register_physics!("melt_flow", MeltFlow, supports: [Births, Cuts, Window, Division]);

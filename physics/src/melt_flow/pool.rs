@@ -76,7 +76,7 @@ pub(super) struct Pool {
     pub(super) stencil: Stencil,
     /// By face ([`Face::ALL`]): whether the melt slips along it.
     slips: [bool; 6],
-    /// Points of the cells, ascending.
+    /// Points of the cells, ascending, by their numbers in the whole body.
     pub(super) points: Vec<u32>,
     /// Points of the list before, then of the next one.
     other: Vec<u32>,
@@ -92,7 +92,7 @@ impl Pool {
             slips,
             points: Vec::new(),
             other: Vec::new(),
-            cell_of: vec![SOLID; body.points.len()],
+            cell_of: vec![SOLID; lattice.whole().cell_of_point.len()],
             neighbours: Vec::new(),
         }
     }
@@ -115,12 +115,10 @@ impl Pool {
         &self.neighbours[cell * bonds..(cell + 1) * bonds]
     }
 
-    /// Takes up the points that are liquid now; whether the list changed. [`Pool::before`] is the list before.
-    pub(super) fn update(&mut self, body: &Body, is_liquid: impl Fn(usize) -> bool) -> bool {
+    /// Takes up the points that are liquid now, ascending; whether the list changed. [`Pool::before`] is the list before.
+    pub(super) fn update(&mut self, body: &Body, liquid: impl Iterator<Item = usize>) -> bool {
         self.other.clear();
-        let points = 0..self.cell_of.len();
-        self.other
-            .extend(points.filter(|p| is_liquid(*p)).map(|p| p as u32));
+        self.other.extend(liquid.map(|p| p as u32));
         if self.other == self.points {
             return false;
         }
@@ -148,14 +146,17 @@ impl Pool {
             self.cell_of[*point as usize] = cell;
         }
         self.neighbours.clear();
-        let Some(lattice) = body.lattice() else {
+        let Some(lattice) = body.lattice().map(Lattice::whole) else {
             return;
         };
         for (cell, point) in (0..).zip(&self.points) {
             let at = lattice.cell_of_point[*point as usize].map(i64::from);
             for bond in &self.stencil.bonds {
                 let neighbour = self.neighbour(body, lattice, at, bond.step);
-                let whole = neighbour.filter(|n| !self.is_severed(body, *point, bond.xi, *n));
+                let severed = |n: &Neighbour| {
+                    !body.cuts.is_empty() && self.is_severed(body, lattice, *point, bond.xi, *n)
+                };
+                let whole = neighbour.filter(|n| !severed(n));
                 self.neighbours.push(whole.unwrap_or(Neighbour {
                     cell,
                     mirrored: 0,
@@ -204,14 +205,21 @@ impl Pool {
     }
 
     /// Whether a crack lies between a point and its neighbour at the end of the bond `xi` (m).
-    fn is_severed(&self, body: &Body, point: u32, xi: [f64; 3], neighbour: Neighbour) -> bool {
-        let position = &body.points.position;
-        let from = &position[point as usize];
+    fn is_severed(
+        &self,
+        body: &Body,
+        lattice: &Lattice,
+        point: u32,
+        xi: [f64; 3],
+        neighbour: Neighbour,
+    ) -> bool {
+        let position = |point: u32| lattice.centre(lattice.cell_of_point[point as usize]);
+        let from = position(point);
         let to = match neighbour.mirrored {
             0 => from + Vector3::from(xi),
-            _ => position[self.points[neighbour.cell as usize] as usize],
+            _ => position(self.points[neighbour.cell as usize]),
         };
-        severed(&body.cuts, from, &to)
+        severed(&body.cuts, &from, &to)
     }
 
     /// The pool of each cell, numbered by their first cells: melt that is connected. Returns their number, too.
@@ -239,11 +247,16 @@ impl Pool {
         (count, pool_of)
     }
 
+    /// The lattice cell of a cell.
+    pub(super) fn place(&self, lattice: &Lattice, cell: usize) -> [u32; 3] {
+        lattice.whole().cell_of_point[self.points[cell] as usize]
+    }
+
     /// Whether a cell lies at a face of the body.
     pub(super) fn is_at(&self, body: &Body, cell: usize, face: Face) -> bool {
         body.lattice().is_some_and(|lattice| {
             let axis = face.axis();
-            let at = lattice.cell_of_point[self.points[cell] as usize][axis] as usize;
+            let at = self.place(lattice, cell)[axis] as usize;
             at == if face.is_upper() {
                 lattice.cells[axis] - 1
             } else {
@@ -279,8 +292,9 @@ mod tests {
         slips[3] = true;
         let lattice = body.lattice().expect("a lattice");
         let mut pool = Pool::new(&body, lattice, slips);
-        assert!(pool.update(&body, |point| point % 4 < 3));
-        assert!(!pool.update(&body, |point| point % 4 < 3));
+        let liquid = || (0..12).filter(|point| point % 4 < 3);
+        assert!(pool.update(&body, liquid()));
+        assert!(!pool.update(&body, liquid()));
         pool
     }
 
@@ -317,7 +331,7 @@ mod tests {
     fn a_new_list_knows_the_points_of_the_one_before() {
         let mut pool = pool();
         let body = block([4, 3, 1], 2, 0.5, Store::Lattice, "density = 1");
-        assert!(pool.update(&body, |point| point == 5));
+        assert!(pool.update(&body, [5].into_iter()));
         assert_eq!((pool.points.as_slice(), pool.before().len()), (&[5][..], 9));
         assert!(pool.neighbours(0).iter().all(|n| !n.is_open));
         assert_eq!((pool.cell(4), pool.cell(5)), (None, Some(0)));
@@ -333,7 +347,7 @@ mod tests {
         for (lowest, pools) in [(0.5, 1), (-0.1, 2)] {
             body.cuts = vec![Cut::segment([1.0, 1.6], [1.0, lowest]).expect("a length")];
             let mut pool = Pool::new(&body, body.lattice().expect("a lattice"), slips);
-            assert!(pool.update(&body, |_| true));
+            assert!(pool.update(&body, 0..12));
             for (cell, step) in [
                 (9, [1, 0, 0]),
                 (9, [1, 1, 0]),

@@ -1,4 +1,4 @@
-//! Bodies that grow and are cut, shared by processes.
+//! Bodies that grow and are cut, melt that flows and water that runs, shared by processes.
 
 /// A wall that an arc builds up on a plate in two beads, the second one when the part has cooled. Then the plate is cut off.
 pub const BUILD: &str = r#"
@@ -66,7 +66,7 @@ depth = 2e-3
 toolpath.line = { start = [0.003, 0, 0.005], end = [0.017, 0, 0.005], speed = 0.015 }
 [[couplers.toolpath.sequence.passes]]
 toolpath.line = { start = [0.017, 0, 0.007], end = [0.003, 0, 0.007], speed = 0.015 }
-wait_until = { temperature = 1300 }
+wait_until = { temperature = 1100, at = [0.016, 0.0005, 0.0045] }
 
 [[couplers]]
 type = "deposit"
@@ -162,4 +162,95 @@ end = 3e-5
 
 [log]
 interval = 1e-5
+"#;
+
+/// A jet of water that runs along a hot plate, from which its film lifts off.
+pub const JET: &str = r#"
+[bodies.plate]
+shape.difference = { from = { box = { min = [0, 0, 0], max = [0.03, 0.01, 0.003] } }, subtract = { cylinder = { start = [0.015, 0.005, -1], end = [0.015, 0.005, 1], radius = 2e-3 } } }
+spacing = 1e-3
+material = "steel"
+initial.temperature = "1000 + 3e3 * x - 2e4 * y"
+
+[materials.steel]
+density = 7800
+specific_heat = 600
+conductivity = 30
+
+[[physics]]
+type = "thermal"
+horizon = 1
+
+[[couplers]]
+type = "water_jet"
+faces = ["z+", "y-"]
+flow = "x+"
+start = 0
+speed = 0.04
+impingement = 3e-3
+leidenfrost = 850
+water = 293
+flux = { temperature = [293, 373, 420, 520, 620, 900], value = [0, 1e6, 4e6, 2.5e6, 1e6, 5e5] }
+
+[time]
+end = 0.6
+
+[log]
+interval = 0.2
+"#;
+
+/// A pool that convects while an arc moves along a plate.
+pub const POOL: &str = r#"
+[bodies.plate]
+shape.box = { min = [0, 0, 0], max = [0.024, 0.008, 0.004] }
+spacing = 5e-4
+material = "steel"
+initial.temperature = "500 + 1e4 * x"
+
+[materials.steel]
+library = "S355"
+liquid_expansion = 1.2e-4
+
+[[physics]]
+type = "melt_flow"
+buoyancy.gravity = [0, 0, -9.81]
+surface = { faces = ["z+"], tension.slope = -4e-4 }
+viscosity_factor = 10
+
+[[physics]]
+type = "thermal"
+horizon = 1
+
+[[couplers]]
+type = "phase_change"
+
+[[couplers]]
+type = "gaussian_source"
+name = "arc"
+power = 1200
+sigma = 1.2e-3
+effective_depth = 1e-3
+toolpath.line = { start = [0.004, 0, 0.004], end = [0.02, 0, 0.004], speed = 0.04 }
+
+[[couplers]]
+type = "lorentz_force"
+source = "arc"
+current = 150
+width = 1.5e-3
+thickness = 0.004
+
+[[couplers]]
+type = "symmetry"
+face = "y-"
+
+[[couplers]]
+type = "convection"
+coefficient = 500
+ambient = 293.15
+
+[time]
+end = 0.3
+
+[log]
+interval = 0.1
 "#;
