@@ -205,7 +205,7 @@ pub const POOL: &str = r#"
 shape.box = { min = [0, 0, 0], max = [0.024, 0.008, 0.004] }
 spacing = 5e-4
 material = "steel"
-initial.temperature = "500 + 1e4 * x"
+initial.temperature = "800 + 1e4 * x"
 
 [materials.steel]
 library = "S355"
@@ -227,7 +227,7 @@ type = "phase_change"
 [[couplers]]
 type = "gaussian_source"
 name = "arc"
-power = 1200
+power = 3000
 sigma = 1.2e-3
 effective_depth = 1e-3
 toolpath.line = { start = [0.004, 0, 0.004], end = [0.02, 0, 0.004], speed = 0.04 }
