@@ -2,7 +2,7 @@
 
 mod divided;
 
-use divided::build::{BUILD, JET, MOVING_BAR, POOL, solid};
+use divided::build::{BUILD, JET, MOVING_BAR, POOL, keyhole, solid};
 use divided::cases::{
     BRACKET, CRACK, PERIODIC, QUENCH, WELD, cooled, correspondence, dissimilar, formulated, free,
     heated, jittered, layered, ordinary, shrunk, steady, still, struck, torn, weld_by,
@@ -291,6 +291,14 @@ fn melt_flow_has_the_same_bits_for_any_number_of_processes() {
     assert_goes_on(POOL, 0.15, &[(1, 3), (3, 2)]);
 }
 
+/// The columns of a keyhole lie in several processes, and its walls reflect from one to another.
+#[test]
+fn keyholes_have_the_same_bits_for_any_number_of_processes() {
+    let alone = run_in(1, &keyhole(), f64::INFINITY, None);
+    assert!(alone.number("torch depth") > 2e-3 && alone.number("torch absorptivity") > 0.5);
+    assert_shared(&keyhole(), &alone, &[2, 3, 5], "keyhole");
+}
+
 /// Bodies that grow and are cut off.
 #[test]
 fn growing_bodies_have_the_same_bits_for_any_number_of_processes() {
@@ -390,8 +398,6 @@ fn what_processes_cannot_share_is_refused() {
         assert!(weld.contains(right));
         refusal(&weld.replace(right, wrong))
     };
-    const GOLDAK: &str = "type = \"goldak\"\nname = \"torch\"\npower = 2500\nefficiency = 0.8\nhalf_width = 2e-3\ndepth = 3e-3\nfront_length = 2e-3\nrear_length = 4e-3";
-    let beam = "type = \"super_gaussian\"\nradius = 1e-3\npenetration = \"keyhole\"\nabsorptivity = 0.3\npower = 300";
     let bracket = BRACKET.replace("KINEMATICS", "finite");
     let moving = |right: &str, wrong: &str| {
         assert!(bracket.contains(right));
@@ -403,7 +409,6 @@ fn what_processes_cannot_share_is_refused() {
             "surface_stress = \"extrapolated\"\nkinematics",
         ),
         moving("region = \"foot\"", "face = \"x-\""),
-        changed(GOLDAK, beam),
         changed("spacing = 5e-4", "spacing = 1e-2"),
         refusal(PERIODIC),
     ];

@@ -33,6 +33,7 @@ pub use lattice::{Lattice, NO_POINT};
 pub use layers::{Layer, Layers, Layup, LayupError, Ply, Stations};
 pub use part::Part;
 pub use surface::SurfaceCell;
+pub(crate) use surface::SurfacePoints;
 pub use table::{POINT_COLUMNS, PointTableError};
 pub use zones::{Zone, ZoneError};
 

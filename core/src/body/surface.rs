@@ -128,3 +128,42 @@ impl Body {
         surface
     }
 }
+
+/// Points of a body whose cells others may lie against.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SurfacePoints {
+    /// Numbers in the whole body.
+    pub(crate) number: Vec<u32>,
+    /// m.
+    pub(crate) position: Vec<Vector3<f64>>,
+    /// Edges of the cells, m.
+    pub(crate) width: Vec<[f64; 3]>,
+    /// Distance of each face ([`Face::ALL`]) of a cell from the point, m.
+    pub(crate) distance: Vec<[f64; 6]>,
+    /// Whether each face of a cell is a step of an inclined or curved surface.
+    pub(crate) is_step: Vec<[bool; 6]>,
+}
+
+impl SurfacePoints {
+    /// Those of a whole body with bare cell faces; all points `if_any` may become bare.
+    pub(crate) fn of(body: &Body, if_any: bool) -> SurfacePoints {
+        let mut number: Vec<u32> = match if_any {
+            true => (0..body.points.len() as u32).collect(),
+            false => body.surface(&Face::ALL).iter().map(|c| c.point).collect(),
+        };
+        number.dedup();
+        let mut points = SurfacePoints::default();
+        for point in number.iter().map(|number| *number as usize) {
+            points.position.push(body.points.position[point]);
+            points
+                .width
+                .push([0, 1, 2].map(|axis| body.width(point, axis)));
+            let distance = |face| body.face_distance(point, face);
+            points.distance.push(Face::ALL.map(distance));
+            points
+                .is_step
+                .push(Face::ALL.map(|face| body.is_step(point, face)));
+        }
+        SurfacePoints { number, ..points }
+    }
+}

@@ -65,6 +65,13 @@ impl Setup<'_> {
             let expected = "a body with `spacing`, without `zones`, `jitter` or `points`";
             return Err(SetupError::value("body", message, expected));
         }
+        if self.world.processes().size() > 1 && self.world.bodies.len() > 1 {
+            let name = &self.body(body).name;
+            let message = format!(
+                "several processes do not share body `{name}`, which grows or is cut, beside other bodies"
+            );
+            return Err(SetupError::value("body", message, "one process"));
+        }
         let shared = self.world.activity_field(body);
         let active = match shared {
             None => {

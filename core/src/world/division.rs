@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde::de::{DeserializeOwned, Error};
 
 use super::{BodyIndex, World};
-use crate::body::{Discretisation, Horizon, Part, partition};
+use crate::body::{Discretisation, Horizon, Part, SurfacePoints, partition};
 use crate::error::SetupError;
 use crate::field::{FieldIndex, Write};
 use crate::point_rows::PointRows;
@@ -134,6 +134,9 @@ impl World {
             );
             return Err(SetupError::value("", message, "fewer processes"));
         }
+        if self.bodies.len() > 1 {
+            self.surfaces[body] = Some(Arc::new(SurfacePoints::of(whole, false)));
+        }
         let owned = owned_by(self.processes.rank() as u32);
         let (part, numbers) = Part::new(whole, &owned, horizon).into_points();
         let others = &numbers[owned.len()..];
@@ -147,6 +150,13 @@ impl World {
         });
         self.bodies[body] = part;
         Ok(())
+    }
+
+    /// The points at the surface of a whole body; all points of one that grows.
+    pub(crate) fn surface_points(&self, body: BodyIndex) -> Arc<SurfacePoints> {
+        let of_body = || SurfacePoints::of(&self.bodies[body], self.is_growing(body));
+        let known = self.surfaces[body].clone();
+        known.unwrap_or_else(|| Arc::new(of_body()))
     }
 
     /// Lets the values of these points be exchanged where other processes own them.

@@ -12,13 +12,14 @@
 use std::cell::{Cell, Ref, RefCell};
 use std::fmt;
 use std::rc::Rc;
+use std::sync::Arc;
 
 use nalgebra::Vector3;
 
 use super::facts::{Fact, FactRule};
 use super::surrounding_body::{NewSurroundingBody, SurroundingBody};
 use super::{BodyIndex, World};
-use crate::body::{Body, Face, SurfaceCell};
+use crate::body::{Body, Face, SurfaceCell, SurfacePoints};
 use crate::cell_list::CellList;
 use crate::field::FieldIndex;
 
@@ -198,6 +199,7 @@ pub struct FreeFaces {
 struct Cover {
     body: BodyIndex,
     name: String,
+    points: Arc<SurfacePoints>,
     cells: CellList,
     /// Largest edge of a cell, m.
     reach: f64,
@@ -216,7 +218,7 @@ impl FreeFaces {
         let others = (0..world.bodies().len()).filter(|other| *other != body);
         // a window of finer points lies inside its plate
         let others = others.filter(|other| !world.are_refined(body, *other));
-        let covers = others.filter_map(|other| Cover::new(this, other, world.body(other)));
+        let covers = others.filter_map(|other| Cover::new(this, other, world));
         FreeFaces {
             field: field.into(),
             symmetry,
@@ -278,29 +280,34 @@ impl FreeFaces {
 }
 
 impl Cover {
-    fn new(this: &Body, body: BodyIndex, other: &Body) -> Option<Cover> {
+    fn new(this: &Body, body: BodyIndex, world: &World) -> Option<Cover> {
+        let other = world.body(body);
         let ((low, high), (other_low, other_high)) = (this.bounds(), other.bounds());
         let gap = 0.5 * this.finest_spacing().min(other.finest_spacing());
         let touches = |a: usize| low[a] <= other_high[a] + gap && other_low[a] <= high[a] + gap;
         if other.dimension != this.dimension || !(0..this.dimension).all(touches) {
             return None;
         }
-        let edge = |point: usize| {
-            let edges = (0..other.dimension).map(|axis| other.width(point, axis));
-            edges.fold(0.0, f64::max)
+        let points = world.surface_points(body);
+        let edge = |widths: &[f64; 3]| {
+            widths[..other.dimension]
+                .iter()
+                .copied()
+                .fold(0.0, f64::max)
         };
-        let reaches: Vec<f64> = (0..other.points.len()).map(edge).collect();
+        let reaches: Vec<f64> = points.width.iter().map(edge).collect();
         Some(Cover {
             body,
             name: other.name.clone(),
-            cells: CellList::new(&other.points.position, &reaches),
+            cells: CellList::new(&points.position, &reaches),
             reach: reaches.iter().copied().fold(0.0, f64::max),
+            points,
         })
     }
 
     /// The fraction of a cell face that cells of the other body with material cover.
     fn fraction(&self, world: &World, body: &Body, cell: &SurfaceCell, at: Vector3<f64>) -> f64 {
-        let other = world.body(self.body);
+        let other = &self.points;
         let own = cell.point as usize;
         let spacing = body.width(own, cell.face.axis());
         let (axis, outward) = (cell.face.axis(), cell.face.normal()[cell.face.axis()]);
@@ -310,22 +317,25 @@ impl Cover {
         let edges = (0..body.dimension).map(|a| body.width(own, a));
         let reach = self.reach + edges.fold(farthest, f64::max);
         self.cells.visit_near(&at, reach, |point| {
-            let place = &other.points.position[point];
+            let place = &other.position[point];
+            let distance_of = |face: Face| other.distance[point][face as usize];
             // from the face to that of the other cell
-            let gap = (place - at)[axis] * outward - other.face_distance(point, opposite);
-            let spacings = [spacing, other.width(point, axis)];
+            let gap = (place - at)[axis] * outward - distance_of(opposite);
+            let spacings = [spacing, other.width[point][axis]];
             let distance = |is_step| cell.contact_distance(spacings, is_step);
             let is_beside = gap.abs() <= distance(false)
-                || gap.abs() <= distance(true) && other.is_step(point, opposite);
-            if !is_beside || !world.has_material(self.body, point) {
+                || gap.abs() <= distance(true) && other.is_step[point][opposite as usize];
+            // where others grow, the run has one process
+            let number = other.number[point] as usize;
+            if !is_beside || !world.has_material(self.body, number) {
                 return;
             }
             let along = (0..body.dimension).filter(|a| *a != axis).map(|a| {
                 let [lower, upper] = [Face::ALL[2 * a], Face::ALL[2 * a + 1]];
-                let high = (at[a] + body.face_distance(own, upper))
-                    .min(place[a] + other.face_distance(point, upper));
-                let low = (at[a] - body.face_distance(own, lower))
-                    .max(place[a] - other.face_distance(point, lower));
+                let high =
+                    (at[a] + body.face_distance(own, upper)).min(place[a] + distance_of(upper));
+                let low =
+                    (at[a] - body.face_distance(own, lower)).max(place[a] - distance_of(lower));
                 (high - low).max(0.0) / body.width(own, a)
             });
             covered += along.product::<f64>();

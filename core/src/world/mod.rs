@@ -16,7 +16,7 @@ use std::cell::{Ref, RefCell, RefMut};
 use std::rc::Rc;
 use std::sync::Arc;
 
-use crate::body::{Body, Face, Horizon, Region};
+use crate::body::{Body, Face, Horizon, Region, SurfacePoints};
 use crate::error::{Problem, SetupError};
 use crate::family::{LayerRule, Traction};
 use crate::field::{FieldIndex, Fields, Read, ReadIfProvided, Value, Write};
@@ -220,6 +220,8 @@ pub struct World {
     processes: Processes,
     /// By body: the part that this process has, where several processes share the run.
     pub(crate) divisions: Vec<Option<Division>>,
+    /// By body: the surface of the whole body, where several processes share a run with several bodies.
+    surfaces: Vec<Option<Arc<SurfacePoints>>>,
     /// The world of whole bodies, in the first of several processes.
     whole: Option<Box<World>>,
 }
@@ -232,6 +234,7 @@ impl World {
             changes: vec![Changes::NONE; bodies.len()],
             broken: bodies.iter().map(|_| RefCell::default()).collect(),
             divisions: bodies.iter().map(|_| None).collect(),
+            surfaces: vec![None; bodies.len()],
             bodies,
             ..World::default()
         }

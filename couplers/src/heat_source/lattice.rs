@@ -2,13 +2,14 @@
 //! body without one.
 
 use std::cell::Ref;
+use std::ops::Range;
 
 use nalgebra::Vector3;
 use perimelt_core::Body;
 use perimelt_core::solver::{ExactSum, Reducer};
 use perimelt_core::world::activity::is_active;
 
-use super::shape::{CellGrid, HeatedBody};
+use super::shape::{CellGrid, GatheredCells, HeatedBody};
 
 /// A body with its lattice.
 pub(super) struct LatticeBody<'a> {
@@ -100,6 +101,11 @@ impl HeatedBody for LatticeBody<'_> {
 
     fn total(&self, own: ExactSum) -> f64 {
         self.reducer.total(own)
+    }
+
+    fn gathered(&self, cells: [Range<usize>; 3]) -> Option<GatheredCells> {
+        let processes = self.reducer.processes();
+        (processes.size() > 1).then(|| GatheredCells::of(self, processes, cells))
     }
 
     fn volume(&self, point: usize) -> f64 {

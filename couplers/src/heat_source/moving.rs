@@ -145,17 +145,6 @@ impl<S: SourceShape> MovingSource<S> {
         Ok(())
     }
 
-    /// Refuses what processes cannot share yet.
-    fn refuse_division(&self, setup: &mut Setup<'_>, body: BodyIndex) -> Result<(), SetupError> {
-        if self.shape.absorber().is_none() {
-            return Ok(());
-        }
-        let message = "several processes share no beam that an interface or a keyhole absorbs";
-        let expected = "another `penetration`, or one process";
-        let error = SetupError::value("penetration", message, expected);
-        setup.refuse(body, Change::Division, error)
-    }
-
     /// Declares the field on which the absorption depends.
     fn absorption(&self, setup: &mut Setup<'_>, body: BodyIndex) -> Result<Absorption, SetupError> {
         Ok(match self.shape.absorber() {
@@ -207,7 +196,6 @@ impl<S: SourceShape> MovingSource<S> {
             _ => length,
         };
         let speed = path.track().fastest();
-        self.refuse_division(setup, index)?;
         self.warn_of_size(setup, index);
         path.prepare(setup, index)?;
         let first = path.track().pose(path.track().start());

@@ -1,4 +1,6 @@
-//! Bodies that grow and are cut, melt that flows and water that runs, shared by processes.
+//! Bodies that grow and are cut, melt that flows, keyholes and water that runs, shared by processes.
+
+use super::cases::WELD;
 
 /// A wall that an arc builds up on a plate in two beads, the second one when the part has cooled. Then the plate is cut off.
 pub const BUILD: &str = r#"
@@ -254,3 +256,18 @@ end = 0.3
 [log]
 interval = 0.1
 "#;
+
+/// The weld by a beam that drills a keyhole.
+pub fn keyhole() -> String {
+    let beam = r#"type = "super_gaussian"
+name = "torch"
+radius = 1.5e-3
+penetration = "keyhole"
+absorptivity = 0.4
+reflections = true
+power = 9000"#;
+    let text = WELD.replace("spacing = 5e-4", "spacing = 1e-3");
+    let start = text.find("type = \"goldak\"").expect("an arc");
+    let end = text.find("toolpath.line").expect("its path");
+    format!("{}{beam}\n{}", &text[..start], &text[end..]).replace("HORIZON", "1")
+}

@@ -70,6 +70,13 @@ pub(super) struct Span {
 }
 
 impl Span {
+    /// The cells on a body with so many along the axis.
+    pub(super) fn cells(&self, dim: usize) -> std::ops::Range<usize> {
+        let inside = inside(self.first, self.count, dim);
+        let cell = |index: usize| (self.first + index as i64) as usize;
+        cell(inside.start)..cell(inside.end)
+    }
+
     fn new(grid: &CellGrid, axis: usize, position: f64, reach: f64) -> Self {
         if grid.is_thickness(axis) {
             let width = 2.0 * reach;

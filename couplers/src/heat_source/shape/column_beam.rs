@@ -205,6 +205,34 @@ impl ColumnBeam {
         values: &mut [f64],
         scratch: &mut Scratch,
     ) -> Deposit {
+        let dims = body.grid().dims;
+        let axis = self.sampled.heated_surface.face.axis();
+        let placed = self.footprint.placed(axis, pose);
+        let spans = placed.spans(body.grid(), pose);
+        let cells = [0, 1, 2].map(|a| match placed.axes.iter().position(|axis| *axis == a) {
+            Some(lateral) => spans[lateral].cells(dims[a]),
+            None => 0..dims[a],
+        });
+        let Some(gathered) = body.gathered(cells) else {
+            return self.add_to(body, pose, power, values, scratch);
+        };
+        let mut of_cells = vec![0.0; gathered.len()];
+        let deposit = self.add_to(&gathered, pose, power, &mut of_cells, scratch);
+        for (number, point) in &gathered.own {
+            values[*point] += of_cells[*number];
+        }
+        deposit
+    }
+
+    /// [`ColumnBeam::add`] to a body of which this process has all cells below the beam.
+    fn add_to(
+        &self,
+        body: &(impl HeatedBody + ?Sized),
+        pose: &Pose,
+        power: f64,
+        values: &mut [f64],
+        scratch: &mut Scratch,
+    ) -> Deposit {
         let grid = *body.grid();
         let face = self.sampled.heated_surface.face;
         let placed = self.footprint.placed(face.axis(), pose);

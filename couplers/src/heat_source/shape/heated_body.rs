@@ -1,7 +1,10 @@
 //! The body that a source heats, as a lattice of cells with or without a material point.
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 use perimelt_core::solver::ExactSum;
+use perimelt_core::transport::Processes;
 use perimelt_core::{Face, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -56,6 +59,11 @@ pub trait HeatedBody {
         own.value()
     }
 
+    /// The cells of a box, ranges along the axes, which processes share; `None` where this process has all. Collective.
+    fn gathered(&self, _cells: [Range<usize>; 3]) -> Option<GatheredCells> {
+        None
+    }
+
     /// Fraction of the first of two fluids at a point, where there are two.
     fn first_fluid(&self, _point: usize) -> Option<f64> {
         None
@@ -64,6 +72,101 @@ pub trait HeatedBody {
     /// Power density (W/m³) with which a point boils at the end of the step, zero where it boils; infinite where it never boils.
     fn boiling_power(&self, _point: usize) -> f64 {
         f64::INFINITY
+    }
+}
+
+/// Cells of a box, whichever process owns their points. A point is the number of its cell in the box.
+#[derive(Debug)]
+pub struct GatheredCells {
+    grid: CellGrid,
+    cells: [Range<usize>; 3],
+    /// m³.
+    volume: f64,
+    /// See [`HeatedBody::first_fluid`] and [`HeatedBody::boiling_power`]; infinite where there is no point.
+    fraction: Vec<f64>,
+    boiling: Vec<f64>,
+    is_there: Vec<bool>,
+    /// The points that this process owns.
+    pub(super) own: Vec<(usize, usize)>,
+}
+
+impl GatheredCells {
+    /// Those of a body of which each process has its own points. Collective.
+    pub(in crate::heat_source) fn of(
+        body: &impl HeatedBody,
+        processes: &Processes,
+        cells: [Range<usize>; 3],
+    ) -> GatheredCells {
+        let count: usize = cells.iter().map(Range::len).product();
+        let mut gathered = GatheredCells {
+            grid: *body.grid(),
+            cells,
+            volume: f64::INFINITY,
+            fraction: vec![f64::INFINITY; count],
+            boiling: vec![f64::INFINITY; count],
+            is_there: Vec::new(),
+            own: Vec::new(),
+        };
+        let mut absent = vec![1.0; count];
+        let [across, rows, layers] = gathered.cells.clone();
+        let rows = || {
+            layers
+                .clone()
+                .flat_map(|k| rows.clone().map(move |j| (j, k)))
+        };
+        let all = rows().flat_map(|(j, k)| across.clone().map(move |i| [i, j, k]));
+        for (number, cell) in all.enumerate() {
+            if let Some(point) = body.point(cell) {
+                absent[number] = 0.0;
+                gathered.boiling[number] = body.boiling_power(point);
+                if let Some(fraction) = body.first_fluid(point) {
+                    gathered.fraction[number] = fraction;
+                }
+                gathered.own.push((number, point));
+            }
+        }
+        let own = gathered.own.first();
+        let mut volume = [own.map_or(f64::INFINITY, |(_, point)| body.volume(*point))];
+        let GatheredCells {
+            boiling, fraction, ..
+        } = &mut gathered;
+        for values in [&mut volume[..], &mut absent, boiling, fraction] {
+            processes.min_each(values);
+        }
+        gathered.volume = volume[0];
+        gathered.is_there = absent.into_iter().map(|absent| absent == 0.0).collect();
+        gathered
+    }
+
+    /// Number of cells.
+    pub(super) fn len(&self) -> usize {
+        self.is_there.len()
+    }
+}
+
+impl HeatedBody for GatheredCells {
+    fn grid(&self) -> &CellGrid {
+        &self.grid
+    }
+
+    fn point(&self, cell: [usize; 3]) -> Option<usize> {
+        let is_inside = (cell.iter().zip(&self.cells)).all(|(at, range)| range.contains(at));
+        let [i, j, k] = [0, 1, 2].map(|a| cell[a].wrapping_sub(self.cells[a].start));
+        let [nx, ny, _] = [0, 1, 2].map(|a| self.cells[a].len());
+        let number = (k * ny + j) * nx + i;
+        (is_inside && self.is_there[number]).then_some(number)
+    }
+
+    fn volume(&self, _: usize) -> f64 {
+        self.volume
+    }
+
+    fn first_fluid(&self, point: usize) -> Option<f64> {
+        Some(self.fraction[point])
+    }
+
+    fn boiling_power(&self, point: usize) -> f64 {
+        self.boiling[point]
     }
 }
 

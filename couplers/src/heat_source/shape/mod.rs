@@ -49,7 +49,7 @@ pub use deposit::{Deposit, Depositor, Depression};
 pub use ellipsoid::{Goldak, SemiEllipsoid};
 pub use formula_profile::Profile;
 pub use gaussian::Gaussian;
-pub use heated_body::{CellGrid, HeatedBody, HeatedSurface};
+pub use heated_body::{CellGrid, GatheredCells, HeatedBody, HeatedSurface};
 pub use point::{Dwell, Point};
 pub use pulsed::PulsedLaser;
 pub use super_gaussian::{Penetration, SuperGaussian};
