@@ -32,6 +32,9 @@ compare "$case" one "${end[@]}"
 compare cases/performance/block-47-ordinary.toml solid --set materials.glass.critical_stretch=5e-5
 # metal flows
 compare cases/verification/hill-sphere-staggered.toml metal
+# a wall that is built up, and melt that flows
+compare cases/verification/deposit-loaded-wall.toml wall
+compare cases/welding/pool_flow.toml pool "${end[@]}"
 
 echo "a run of 2 processes, of which one is killed"
 "${launch[@]}" -n 2 "$program" run "$case" --out "$folder/killed.mcap" --threads 1 "${end[@]}" >/dev/null 2>&1 &

@@ -1,6 +1,6 @@
-//! The interface between two fluids and the motion of the first of them at the end.
+//! The interface between two fluids and the motion of the first of them at the end, and the flow of melt.
 
-use perimelt_core::log::Log;
+use perimelt_core::log::{Log, Series};
 
 use super::{Label, ReadOff};
 use crate::log_names::REPORTS;
@@ -25,6 +25,7 @@ pub(super) fn flow(log: &Log, found: &mut Vec<ReadOff>) {
     let Some(reports) = log.probes().get(REPORTS) else {
         return;
     };
+    melt(reports, found);
     let column = |name: String| reports.columns.iter().find(|c| c.name == name);
     let suffix = format!(".{}", INTERFACE[0].0);
     let fluids = reports.columns.iter();
@@ -51,13 +52,59 @@ pub(super) fn flow(log: &Log, found: &mut Vec<ReadOff>) {
     }
 }
 
+/// Largest numbers of melt in the logged states, and how well the points resolve the layer under its surface.
+fn melt(reports: &Series, found: &mut Vec<ReadOff>) {
+    const SPEED: &str = "speed.max";
+    const LAYER: &str = "boundary_layer.points";
+    let melts = |name: &str| name.strip_suffix(".momentum_to_solid.x").map(String::from);
+    for physics in reports.columns.iter().filter_map(|c| melts(&c.name)) {
+        let values = |name: &str| {
+            let name = format!("{physics}.{name}");
+            let column = reports.columns.iter().find(|c| c.name == name);
+            let values = column.map_or(&[][..], |column| &column.values);
+            let positive = move |(value, _): &(f64, f64)| *value > 0.0;
+            values
+                .iter()
+                .copied()
+                .zip(reports.times.iter().copied())
+                .filter(positive)
+        };
+        let largest = |name: &str| values(name).max_by(|a, b| a.0.total_cmp(&b.0));
+        let least = values(LAYER).min_by(|a, b| a.0.total_cmp(&b.0));
+        for (id, words, unit, number) in [
+            (
+                "melt.speed.largest",
+                "largest logged speed of the melt",
+                "m/s",
+                largest(SPEED),
+            ),
+            (
+                "melt.volume.largest",
+                "largest logged volume of the melt",
+                "m3",
+                largest("liquid.volume"),
+            ),
+            (
+                "melt.layer.points",
+                "fewest points across the layer of melt under the surface",
+                "1",
+                least,
+            ),
+        ] {
+            let read_off =
+                |(value, time)| ReadOff::new(&physics, Label::new(id, words), value, unit).at(time);
+            found.extend(number.map(read_off));
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use perimelt_core::log::Log;
 
     use crate::case::Case;
     use crate::run::{Options, run};
-    use crate::summary::{SummaryOptions, read_off};
+    use crate::summary::{ReadOff, SummaryOptions, read_off};
 
     const DROP: &str = r#"
 [bodies.box]
@@ -95,23 +142,72 @@ kind = "slip"
 end = 1e-3
 "#;
 
-    /// Of a drop that moves along x.
-    #[test]
-    fn a_drop_has_its_numbers() {
+    /// What is told of a run.
+    fn told(text: &str) -> Vec<ReadOff> {
         let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("drop.mcap");
-        let case = Case::parse("drop.toml", DROP.into(), folder.path()).expect("valid");
+        let path = folder.path().join("run.mcap");
+        let case = Case::parse("run.toml", text.into(), folder.path()).expect("valid");
         let options = Options {
             out: path.clone(),
             quiet: true,
             ..Options::default()
         };
         assert!(run(&case, &options).is_ok());
-        let found = read_off(
-            &Log::open(&path).expect("a log"),
-            &SummaryOptions::default(),
-        );
-        let found = found.expect("readable");
+        let log = Log::open(&path).expect("a log");
+        read_off(&log, &SummaryOptions::default()).expect("readable")
+    }
+
+    const POOL: &str = r#"
+[bodies.square]
+shape.box = { min = [0, 0, 0], max = [0.008, 0.008, 1e-3] }
+dimension = 2
+spacing = 1e-3
+material = "metal"
+initial.temperature = "1100 + 1e4 * x"
+
+[materials.metal]
+density = 7000
+specific_heat = 500
+conductivity = 50
+viscosity = 5e-2
+solidus = 1000
+liquidus = 1010
+latent_heat = 2e5
+
+[[physics]]
+type = "melt_flow"
+surface = { faces = ["y+"], tension.slope = -1e-4 }
+
+[[physics]]
+type = "thermal"
+horizon = 1
+
+[[couplers]]
+type = "phase_change"
+
+[time]
+end = 0.02
+
+[log]
+interval = 0.01
+"#;
+
+    #[test]
+    fn melt_has_its_numbers() {
+        let found = told(POOL);
+        let number = |id: &str| found.iter().find(|r| r.id == id).expect(id).value;
+        let speed = number("melt.speed.largest");
+        assert!((1e-4..1.0).contains(&speed), "{speed}");
+        assert!((number("melt.volume.largest") / 6.4e-8 - 1.0).abs() < 1e-12);
+        let layer = number("melt.layer.points");
+        let expected = (5e-2 / 7000.0 * 0.008 / speed).sqrt() / 1e-3;
+        assert!((layer / expected - 1.0).abs() < 1e-9, "{layer} {expected}");
+    }
+
+    /// Of a drop that moves along x.
+    #[test]
+    fn a_drop_has_its_numbers() {
+        let found = told(DROP);
         let number = |id: &str| found.iter().find(|r| r.id == id).map(|r| r.value);
         let speed = number("first_fluid.velocity.x.end").expect("it moves");
         assert!((speed - 0.01).abs() < 1e-3, "{speed}");
