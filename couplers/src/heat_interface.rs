@@ -15,30 +15,24 @@
 //! Bodies may be at rest, deform or slide; faces keep the direction of their normals, so that bodies must not
 //! rotate by more than a few degrees. Cells of different size may meet.
 
-use nalgebra::Vector3;
-use perimelt_core::body::SurfaceCell;
+mod side;
+
+use perimelt_core::body::NO_POINT;
 use perimelt_core::cell_list::CellList;
-use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::numbers::check_positive;
-use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::text::number;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::facts::Fact;
 use perimelt_core::{
-    Body, Coupler, Face, Prepared, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step,
-    World, Write, keys,
+    Body, Coupler, Prepared, Report, RunError, RunningCoupler, Setup, SetupError, Step, World,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::point_materials::{PointMaterials, PresentMaterials};
+use side::Side;
 
 /// Fraction of the time constant of the exchange that a step may take.
 const STEP_FRACTION: f64 = 0.5;
-
-/// Least distance of a surface from a point, in spacings: with long horizons the outermost points have the temperature of the
-/// surface, but the exchange needs a time.
-const LEAST_DEPTH: f64 = 0.1;
 
 /// Two bodies that touch exchange heat.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -80,26 +74,6 @@ struct RunningHeatInterface {
     power: f64,
 }
 
-/// One of the two bodies.
-#[derive(Debug)]
-struct Side {
-    body: usize,
-    temperature: Read<f64>,
-    heat_source: Write<f64>,
-    heat_conductance: Write<f64>,
-    materials: PointMaterials,
-    conductivity: Vec<Property>,
-    curves: Vec<EnthalpyCurve>,
-    cells: Vec<SurfaceCell>,
-    /// Distance of the surface from the point of each cell, m; empty before the first step.
-    depth: Vec<f64>,
-    /// Present centres of the cell faces, m.
-    centre: Vec<Vector3<f64>>,
-    /// Positions of the points for which the overlaps were found, m.
-    position: Vec<Vector3<f64>>,
-    moved: bool,
-}
-
 /// Two cell faces in contact, by their index in the lists of both sides.
 #[derive(Clone, Copy, Debug)]
 struct Overlap {
@@ -108,139 +82,33 @@ struct Overlap {
     area: f64,
 }
 
-impl Side {
-    fn new(setup: &mut Setup<'_>, body: usize) -> Result<Side, SetupError> {
-        let this = setup.body(body);
-        let faces = Face::ALL.into_iter().filter(|f| f.axis() < this.dimension);
-        let cells = this.surface(&faces.collect::<Vec<_>>());
-        let position = this.points.position.clone();
-        Ok(Side {
-            body,
-            centre: centres(this, &cells, &position).collect(),
-            position,
-            cells,
-            depth: Vec::new(),
-            temperature: setup.read(body, &keys::TEMPERATURE)?,
-            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
-            heat_conductance: setup.add(body, &keys::HEAT_CONDUCTANCE)?,
-            materials: PointMaterials::prepare(setup, body)?,
-            conductivity: setup.world().property(body, "conductivity")?,
-            curves: setup.world().enthalpy_curves(body).unwrap_or_default(),
-            moved: true,
-        })
-    }
-
-    /// Finds the distances of the surface, which the physics of the body has told once all plugins are prepared.
-    fn find_depths(&mut self, world: &World) {
-        if self.depth.is_empty() {
-            let (body, depths) = (world.body(self.body), world.surface_depths(self.body));
-            let depth = |cell: &SurfaceCell| {
-                depths.at(body, cell).max(LEAST_DEPTH) * body.points.spacing[cell.point as usize]
-            };
-            self.depth = self.cells.iter().map(depth).collect();
-        }
-    }
-
-    /// Updates the positions.
-    fn follow(&mut self, world: &World) {
-        let now = world.configuration(self.body);
-        self.moved |= now.positions() != self.position;
-        if self.moved {
-            self.position.copy_from_slice(now.positions());
-            let body = world.body(self.body);
-            self.centre.clear();
-            self.centre
-                .extend(centres(body, &self.cells, &self.position));
-        }
-    }
-
-    /// Resistance from the point of a cell to its face at the temperature of the point, m² K/W.
-    fn resistance(&self, materials: &PresentMaterials<'_>, cell: u32, temperature: &[f64]) -> f64 {
-        let point = self.cells[cell as usize].point as usize;
-        let t = temperature[point];
-        let conductivity = materials.conductivity(point, |m| {
-            let liquid = self.curves.get(m).map_or(0.0, |c| c.liquid_fraction(t));
-            self.conductivity[m].at(t, liquid)
-        });
-        self.depth[cell as usize] / conductivity
-    }
-
-    /// Least resistance from a point to its face, m² K/W.
-    fn least_resistance(&self, body: &Body) -> f64 {
-        let resistances = (0..self.cells.len()).flat_map(|cell| {
-            let point = self.cells[cell].point as usize;
-            let materials = self.materials.possible(body, point).into_iter();
-            materials.map(move |material| self.least_resistance_of(cell, material))
-        });
-        resistances.fold(f64::INFINITY, f64::min)
-    }
-
-    /// Least resistance from the point of a cell to its face if the point is of a material, m² K/W.
-    fn least_resistance_of(&self, cell: usize, material: usize) -> f64 {
-        self.depth[cell] / max_abs(&self.conductivity[material].values())
-    }
-
-    /// Least time constant (s) of a point whose faces are in contact with a body that adds this resistance (m² K/W), whichever
-    /// of its possible materials it is of. That of a mixture is not shorter than the shorter one of both fluids.
-    fn least_time_constant(&self, body: &Body, added: f64) -> f64 {
-        let mut area = vec![0.0; body.points.len()];
-        for cell in &self.cells {
-            area[cell.point as usize] += cell.area;
-        }
-        let constants = (0..self.cells.len()).flat_map(|cell| {
-            let point = self.cells[cell].point as usize;
-            let depth = body.points.volume[point] / area[point];
-            let materials = self.materials.possible(body, point).into_iter();
-            materials.map(move |material| {
-                let curve = self.curves.get(material);
-                let capacity = curve.map_or(f64::INFINITY, EnthalpyCurve::minimum_capacity);
-                capacity * depth * (self.least_resistance_of(cell, material) + added)
-            })
-        });
-        constants.fold(f64::INFINITY, f64::min)
-    }
-}
-
-/// Centres of cell faces of a body, m.
-fn centres<'a>(
-    body: &'a Body,
-    cells: &'a [SurfaceCell],
-    position: &'a [Vector3<f64>],
-) -> impl Iterator<Item = Vector3<f64>> + 'a {
-    cells.iter().map(|cell| {
-        let point = cell.point as usize;
-        position[point] + 0.5 * body.points.spacing[point] * cell.face.normal()
-    })
-}
-
 impl RunningHeatInterface {
     /// Finds the cell faces that lie against each other, if any point has moved.
     fn follow(&mut self, world: &World) {
         for side in &mut self.sides {
             side.find_depths(world);
-            side.follow(world);
+            side.gather(world);
         }
         if self.sides.iter().any(|side| side.moved) {
-            self.find_overlaps([0, 1].map(|k| world.body(self.sides[k].body)));
+            self.find_overlaps();
             self.sides.iter_mut().for_each(|side| side.moved = false);
         }
     }
 
     /// Finds the cell faces of the bodies that lie against each other.
-    fn find_overlaps(&mut self, bodies: [&Body; 2]) {
+    fn find_overlaps(&mut self) {
         let [first, second] = &self.sides;
-        let spacing = |k: usize, cell: usize| {
-            bodies[k].points.spacing[self.sides[k].cells[cell].point as usize]
-        };
+        let cells = self.sides.each_ref().map(|side| &side.surface.cells);
+        let spacing = |k: usize, cell: usize| self.sides[k].spacing(&cells[k][cell]);
         let reach = |k: usize, cell: usize| {
             let s = spacing(k, cell);
-            let distance = self.sides[k].cells[cell].contact_distance([s, s], true);
+            let distance = cells[k][cell].contact_distance([s, s], true);
             self.gap.max(distance) + s
         };
-        let reaches: Vec<f64> = (0..second.cells.len()).map(|c| reach(1, c)).collect();
+        let reaches: Vec<f64> = (0..cells[1].len()).map(|c| reach(1, c)).collect();
         self.cells.update(&second.centre, &reaches);
         self.overlaps.clear();
-        for (a, cell) in first.cells.iter().enumerate() {
+        for (a, cell) in cells[0].iter().enumerate() {
             let centre = first.centre[a];
             let opposite = cell.face.opposite();
             let normal = cell.face.axis();
@@ -249,7 +117,7 @@ impl RunningHeatInterface {
             self.cells.visit_near(&centre, reach(0, a), |b| {
                 let between = second.centre[b] - centre;
                 let (sa, sb) = (spacing(0, a), spacing(1, b));
-                let other = &second.cells[b];
+                let other = &cells[1][b];
                 let gap = match cell.is_step() && other.is_step() {
                     true => self.gap.max(cell.contact_distance([sa, sb], true)),
                     false => self.gap,
@@ -264,7 +132,7 @@ impl RunningHeatInterface {
                         common.clamp(0.0, sa.min(sb)) / sa
                     });
                 // of the part of the cell of the other body that is bare
-                let whole = bodies[1].points.volume[other.point as usize] / sb;
+                let whole = second.surface.volume[other.point as usize] / sb;
                 let bare = other.face_area / whole;
                 // steps of an inclined interface stand for a smaller area
                 let true_area = 0.5 * (cell.cosine() + other.cosine());
@@ -280,31 +148,25 @@ impl RunningHeatInterface {
 
     fn exchange(&mut self, world: &World) {
         let [first, second] = &self.sides;
-        let temperatures = [first, second].map(|side| world.read(side.temperature));
-        let bodies = [first, second].map(|side| world.body(side.body));
-        let fractions = [first, second].map(|side| side.materials.fraction(world));
-        let materials: [_; 2] = std::array::from_fn(|k| {
-            (self.sides[k].materials).with(bodies[k], fractions[k].as_deref())
-        });
         let mut sources = [first, second].map(|side| world.write(side.heat_source));
         let mut conductances = [first, second].map(|side| world.write(side.heat_conductance));
         self.power = 0.0;
         for overlap in &self.overlaps {
-            let resistance = |k: usize| {
-                self.sides[k].resistance(&materials[k], overlap.cells[k], &temperatures[k])
-            };
-            let points: [usize; 2] = std::array::from_fn(|k| {
-                self.sides[k].cells[overlap.cells[k] as usize].point as usize
+            let places: [usize; 2] = std::array::from_fn(|k| {
+                self.sides[k].surface.cells[overlap.cells[k] as usize].point as usize
             });
-            let difference = temperatures[1][points[1]] - temperatures[0][points[0]];
-            let resistance = resistance(0) + self.resistance + resistance(1);
-            let conductance = overlap.area / resistance;
-            let power = conductance * difference;
-            let volumes: [f64; 2] = std::array::from_fn(|k| bodies[k].points.volume[points[k]]);
-            sources[0][points[0]] += power / volumes[0];
-            sources[1][points[1]] -= power / volumes[1];
-            for k in 0..2 {
-                conductances[k][points[k]] += conductance / volumes[k];
+            let [own, other] = [0, 1].map(|k| self.sides[k].points[places[k]].temperature);
+            let [here, there] = [0, 1].map(|k| self.sides[k].resistance(overlap.cells[k]));
+            let conductance = overlap.area / (here + self.resistance + there);
+            let power = conductance * (other - own);
+            for (k, sign) in [1.0, -1.0].into_iter().enumerate() {
+                let side = &self.sides[k];
+                let point = side.own[places[k]];
+                if point != NO_POINT {
+                    let volume = side.surface.volume[places[k]];
+                    sources[k][point as usize] += sign * power / volume;
+                    conductances[k][point as usize] += conductance / volume;
+                }
             }
             self.power += power;
         }
@@ -372,7 +234,7 @@ impl Coupler for HeatInterface {
             overlaps: Vec::new(),
             power: 0.0,
         };
-        interface.find_overlaps([body, other].map(|b| setup.body(b)));
+        interface.find_overlaps();
         if interface.overlaps.is_empty() {
             let names = format!("`{}` and `{}`", self.body, self.other);
             let depth = depth_of_overlap([body, other].map(|b| setup.body(b)));
@@ -403,10 +265,9 @@ impl RunningCoupler for RunningHeatInterface {
         self.sides
             .iter_mut()
             .for_each(|side| side.find_depths(world));
-        let bodies = self.sides.each_ref().map(|s| world.body(s.body));
         let constant = |k: usize| {
-            let of_other = self.sides[1 - k].least_resistance(bodies[1 - k]);
-            self.sides[k].least_time_constant(bodies[k], self.resistance + of_other)
+            let of_other = self.sides[1 - k].least_resistance(world);
+            self.sides[k].least_time_constant(world, self.resistance + of_other)
         };
         Some(STEP_FRACTION * constant(0).min(constant(1)))
     }
@@ -420,7 +281,7 @@ impl RunningCoupler for RunningHeatInterface {
     }
 }
 
-perimelt_core::register_coupler!("heat_interface", HeatInterface, supports: [Motion, Flow]);
+perimelt_core::register_coupler!("heat_interface", HeatInterface, supports: [Motion, Flow, Division]);
 
 #[cfg(test)]
 mod tests;

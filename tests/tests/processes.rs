@@ -2,7 +2,7 @@
 
 mod divided;
 
-use divided::build::{BUILD, JET, MOVING_BAR, POOL, keyhole, solid};
+use divided::build::{BUILD, JET, LAP, MOVING_BAR, POOL, keyhole, solid};
 use divided::cases::{
     BRACKET, CRACK, PERIODIC, QUENCH, WELD, cooled, correspondence, dissimilar, formulated, free,
     heated, jittered, layered, ordinary, shrunk, steady, still, struck, torn, weld_by,
@@ -297,6 +297,17 @@ fn keyholes_have_the_same_bits_for_any_number_of_processes() {
     let alone = run_in(1, &keyhole(), f64::INFINITY, None);
     assert!(alone.number("torch depth") > 2e-3 && alone.number("torch absorptivity") > 0.5);
     assert_shared(&keyhole(), &alone, &[2, 3, 5], "keyhole");
+}
+
+/// Bodies that touch: cells of one that cover those of another may belong to another process.
+#[test]
+fn bodies_that_touch_have_the_same_bits_for_any_number_of_processes() {
+    let alone = run_in(1, LAP, f64::INFINITY, None);
+    // 6 mm of the lower plate lie below the upper one
+    assert_eq!(alone.number("heat_interface area"), 6e-5);
+    assert!(alone.number("heat_interface power into the body") < 0.0);
+    assert_shared(LAP, &alone, &[2, 3, 5], "lap");
+    assert_goes_on(LAP, 0.15, &[(2, 3)]);
 }
 
 /// Bodies that grow and are cut off.

@@ -32,8 +32,7 @@ pub use interpolate::weights_among;
 pub use lattice::{Lattice, NO_POINT};
 pub use layers::{Layer, Layers, Layup, LayupError, Ply, Stations};
 pub use part::Part;
-pub use surface::SurfaceCell;
-pub(crate) use surface::SurfacePoints;
+pub use surface::{SurfaceCell, SurfacePoints};
 pub use table::{POINT_COLUMNS, PointTableError};
 pub use zones::{Zone, ZoneError};
 

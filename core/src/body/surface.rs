@@ -129,32 +129,42 @@ impl Body {
     }
 }
 
-/// Points of a body whose cells others may lie against.
+/// Points of a body whose cells others may lie against, the same in all processes that share it.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct SurfacePoints {
-    /// Numbers in the whole body.
-    pub(crate) number: Vec<u32>,
-    /// m.
-    pub(crate) position: Vec<Vector3<f64>>,
+pub struct SurfacePoints {
+    /// Numbers in the whole body, ascending.
+    pub number: Vec<u32>,
+    /// Reference positions, m.
+    pub position: Vec<Vector3<f64>>,
+    /// m³.
+    pub volume: Vec<f64>,
     /// Edges of the cells, m.
-    pub(crate) width: Vec<[f64; 3]>,
+    pub width: Vec<[f64; 3]>,
     /// Distance of each face ([`Face::ALL`]) of a cell from the point, m.
     pub(crate) distance: Vec<[f64; 6]>,
     /// Whether each face of a cell is a step of an inclined or curved surface.
     pub(crate) is_step: Vec<[bool; 6]>,
+    /// Bare cell faces, by the places of their points in these lists.
+    pub cells: Vec<SurfaceCell>,
 }
 
 impl SurfacePoints {
-    /// Those of a whole body with bare cell faces; all points `if_any` may become bare.
-    pub(crate) fn of(body: &Body, if_any: bool) -> SurfacePoints {
-        let mut number: Vec<u32> = match if_any {
+    /// Those of a whole body with bare cell faces; all points where any may become bare.
+    pub(crate) fn of(body: &Body, may_any: bool) -> SurfacePoints {
+        let mut cells = body.surface(&Face::ALL);
+        let mut number: Vec<u32> = match may_any {
             true => (0..body.points.len() as u32).collect(),
-            false => body.surface(&Face::ALL).iter().map(|c| c.point).collect(),
+            false => cells.iter().map(|cell| cell.point).collect(),
         };
         number.dedup();
+        for cell in &mut cells {
+            let place = number.partition_point(|number| *number < cell.point);
+            cell.point = place as u32;
+        }
         let mut points = SurfacePoints::default();
         for point in number.iter().map(|number| *number as usize) {
             points.position.push(body.points.position[point]);
+            points.volume.push(body.points.volume[point]);
             points
                 .width
                 .push([0, 1, 2].map(|axis| body.width(point, axis)));
@@ -164,6 +174,10 @@ impl SurfacePoints {
                 .is_step
                 .push(Face::ALL.map(|face| body.is_step(point, face)));
         }
-        SurfacePoints { number, ..points }
+        SurfacePoints {
+            number,
+            cells,
+            ..points
+        }
     }
 }

@@ -153,7 +153,7 @@ impl World {
     }
 
     /// The points at the surface of a whole body; all points of one that grows.
-    pub(crate) fn surface_points(&self, body: BodyIndex) -> Arc<SurfacePoints> {
+    pub fn surface_points(&self, body: BodyIndex) -> Arc<SurfacePoints> {
         let of_body = || SurfacePoints::of(&self.bodies[body], self.is_growing(body));
         let known = self.surfaces[body].clone();
         known.unwrap_or_else(|| Arc::new(of_body()))

@@ -195,7 +195,15 @@ impl RunningWaterJet {
 }
 
 impl WaterJet {
-    fn check(&self) -> Result<(), SetupError> {
+    fn check(&self, dimension: usize) -> Result<(), SetupError> {
+        if self.flow.axis() >= dimension {
+            let message = format!(
+                "a {dimension}D body has no direction `{}`",
+                self.flow.name()
+            );
+            let expected = "a direction within the body's dimensions";
+            return Err(SetupError::value("flow", message, expected));
+        }
         let fluxes = self.flux.values();
         if self.flux.is_by_phase() || fluxes.iter().any(|q| !(*q >= 0.0 && q.is_finite())) {
             let message = "the flux is negative or given by phase";
@@ -235,23 +243,11 @@ impl WaterJet {
 #[typetag::serialize(name = "water_jet")]
 impl Coupler for WaterJet {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
-        self.check()?;
         let body = setup.find_body(self.place.body.as_deref())?;
+        self.check(setup.body(body).dimension)?;
         let region = self.place.region.as_deref();
         let this = setup.body(body);
         let axis = self.flow.axis();
-        if axis >= this.dimension {
-            let message = format!(
-                "a {}D body has no direction `{}`",
-                this.dimension,
-                self.flow.name()
-            );
-            return Err(SetupError::value(
-                "flow",
-                message,
-                "a direction within the body's dimensions",
-            ));
-        }
         let Some(lattice) = this.lattice() else {
             let message = "the film needs the rows of cells of a lattice";
             return Err(SetupError::value(

@@ -2,6 +2,8 @@ use super::*;
 use crate::testing::{
     STEEL, add_gas, block, disc_in_plate, prepare, prepare_after, read, refusal, set, two_fluids,
 };
+use nalgebra::Vector3;
+use perimelt_core::keys;
 use perimelt_core::shape::{BoxShape, Shape};
 
 /// Two blocks of unit cells, the second one above the first and moved by `along` in x.

@@ -257,6 +257,67 @@ end = 0.3
 interval = 0.1
 "#;
 
+/// A lap joint: two plates, the upper one turned, that touch and lose heat where neither covers the other.
+pub const LAP: &str = r#"
+[bodies.lower]
+shape.box = { min = [0, 0, 0], max = [0.024, 0.01, 0.003] }
+spacing = 1e-3
+material = "steel"
+initial.temperature = 300
+
+[bodies.upper]
+shape.box = { min = [0.009, -0.006, 0.003], max = [0.015, 0.02, 0.005] }
+spacing = 5e-4
+material = "tin"
+initial.temperature = "450 + 5e3 * y"
+
+[materials.steel]
+density = 7800
+specific_heat = 600
+conductivity = 30
+
+[materials.tin]
+density = 7300
+specific_heat = 300
+conductivity = { temperature = [300, 500], value = [65, 55] }
+
+[[physics]]
+type = "thermal"
+body = "lower"
+horizon = 1
+
+[[physics]]
+type = "thermal"
+body = "upper"
+horizon = 1
+
+[[couplers]]
+type = "heat_interface"
+body = "upper"
+other = "lower"
+conductance = 3e3
+
+[[couplers]]
+type = "convection"
+name = "air below"
+body = "lower"
+coefficient = 500
+ambient = 300
+
+[[couplers]]
+type = "convection"
+name = "air above"
+body = "upper"
+coefficient = 500
+ambient = 300
+
+[time]
+end = 0.3
+
+[log]
+interval = 0.1
+"#;
+
 /// The weld by a beam that drills a keyhole.
 pub fn keyhole() -> String {
     let beam = r#"type = "super_gaussian"
