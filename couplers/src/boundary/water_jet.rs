@@ -163,7 +163,7 @@ struct RunningWaterJet {
     place: Vec<(u32, f64)>,
     /// Number of rows that a face has at most.
     rows_of_face: usize,
-    /// Rows of cell faces, each in the order of the flow, with their numbers, which are the same in all processes.
+    /// Rows of cell faces along the flow, with their numbers, which are the same in all processes.
     rows: Vec<(usize, Vec<RowCell>)>,
     /// Where the film has lifted off in each row, m along the flow; infinite where it has not.
     lifted: Vec<f64>,
