@@ -317,9 +317,18 @@ impl Replay {
             };
             let (name, unit) = (field.clone(), logged.unit.clone());
             fields.push(match logged.components {
-                1 => ReplayedField::Scalar(name.clone(), setup.own(body, &Key::named(name, unit))?),
-                3 => ReplayedField::Vector(name.clone(), setup.own(body, &Key::named(name, unit))?),
-                _ => ReplayedField::Tensor(name.clone(), setup.own(body, &Key::named(name, unit))?),
+                1 => ReplayedField::Scalar(
+                    name.clone(),
+                    setup.own_derived(body, &Key::named(name, unit))?,
+                ),
+                3 => ReplayedField::Vector(
+                    name.clone(),
+                    setup.own_derived(body, &Key::named(name, unit))?,
+                ),
+                _ => ReplayedField::Tensor(
+                    name.clone(),
+                    setup.own_derived(body, &Key::named(name, unit))?,
+                ),
             });
         }
         Ok(RunningReplay::Log(Box::new(ReplayedLog {
@@ -353,7 +362,7 @@ impl Replay {
                 },
                 positions,
             )?;
-            let field = setup.own(body, &Key::named(name.clone(), unit.to_string()))?;
+            let field = setup.own_derived(body, &Key::named(name.clone(), unit.to_string()))?;
             fields.push(PlacedField { field, values });
         }
         Ok(RunningReplay::Values(fields))

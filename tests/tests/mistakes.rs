@@ -225,6 +225,7 @@ mistakes! {
     name_of_a_series_that_there_is: "name = \"base\"\nfield" => "name = \"reports\"\nfield";
     no_initial_temperature: "initial.temperature = 300\n" => "";
     initial_field_nobody_provides: "initial.temperature = 300" => "initial.temperatur = 300";
+    initial_field_that_follows_from_others: "initial.temperature = 300" => "initial.temperature = 300\ninitial.enthalpy = 1e9";
     not_toml: "end = 1.5" => "end = 1.5.2";
     zones_that_overlap: "spacing = 0.001\n" => "zones = [
     { min = [0, 0, 0], max = [0.01, 0.01, 0.004], spacing = 0.001 },

@@ -94,6 +94,12 @@ impl Case {
         } = target;
         let known = names_of(simulation, index);
         if !known.iter().any(|k| k == field) {
+            let mut lasting = simulation.lasting().filter(|f| f.body == index);
+            if lasting.any(|f| f.name == field) {
+                let message = format!("the field `{field}` of body `{name}` follows from others");
+                let expected = format!("an initial value of {}", known.join(", "));
+                return Err(self.body_key_error(&[name, "initial", field], message, &expected));
+            }
             let message =
                 format!("body `{name}` has no field `{field}` that can have an initial value");
             let error = self.body_key_error(
@@ -226,6 +232,6 @@ impl Case {
 
 /// Names of the fields of a body that can have an initial value.
 fn names_of(simulation: &Simulation, body: usize) -> Vec<String> {
-    let fields = simulation.lasting().filter(|f| f.body == body);
+    let fields = simulation.initial().filter(|f| f.body == body);
     fields.map(|f| f.name.clone()).collect()
 }

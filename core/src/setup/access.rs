@@ -155,6 +155,21 @@ impl Setup<'_> {
         self.declare(body, key, Access::Own).map(Write::new)
     }
 
+    /// State that the calling physics advances, as [`Setup::own`], and finds from other fields when the run starts: a case gives it no
+    /// initial value.
+    ///
+    /// # Errors
+    /// See [`Setup::own`].
+    pub fn own_derived<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<Write<T>, SetupError> {
+        let field = self.own(body, key)?;
+        self.world.derived.insert(field.field);
+        Ok(field)
+    }
+
     /// A field that the calling physics keeps for itself from step to step, such as the force of the last step. Processes that share a body
     /// exchange it as they do state that the physics advances ([`Setup::own`]).
     ///
@@ -240,7 +255,9 @@ impl Setup<'_> {
         body: BodyIndex,
         key: &Key<T>,
     ) -> Result<Write<T>, SetupError> {
-        self.declare(body, key, Access::Write).map(Write::new)
+        let field = self.declare(body, key, Access::Write)?;
+        self.world.derived.insert(field);
+        Ok(Write::new(field))
     }
 
     /// A sink field that the calling coupler adds into.
@@ -320,9 +337,10 @@ impl Setup<'_> {
         self.declare(body, key, Access::Given).map(Read::new)
     }
 
-    /// Sets the values of a derived field before the first step, by point.
+    /// Sets the values of a field before the first step, by point, which a case may replace.
     pub fn set_first(&mut self, field: Write<f64>, value: impl Fn(usize) -> f64) {
         let values = self.world.fields.values_mut(field.field).iter_mut();
         values.enumerate().for_each(|(point, v)| *v = value(point));
+        self.world.derived.remove(&field.field);
     }
 }

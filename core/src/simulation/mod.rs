@@ -384,6 +384,13 @@ impl Simulation {
             .map(|i| self.observed().fields.field(i))
     }
 
+    /// Those of [`Simulation::lasting`] to which a case may give initial values.
+    pub fn initial(&self) -> impl Iterator<Item = &crate::field::Field> {
+        let indices = self.lasting_indices();
+        let given = indices.filter(|i| !self.world.derived.contains(i));
+        given.map(|i| self.world.fields.field(i))
+    }
+
     /// [`Simulation::lasting`], and what physics keep for themselves.
     fn saved_indices(&self) -> impl Iterator<Item = usize> {
         let state = self

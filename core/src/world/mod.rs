@@ -13,6 +13,7 @@ mod surface_depths;
 pub mod surrounding_body;
 
 use std::cell::{Ref, RefCell, RefMut};
+use std::collections::BTreeSet;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -205,6 +206,8 @@ pub struct World {
     pub(crate) fields: Fields,
     pub(crate) layers: Vec<Layers>,
     pub(crate) provided: Vec<bool>,
+    /// Fields that plugins find from others when the run starts.
+    pub(crate) derived: BTreeSet<FieldIndex>,
     /// By field: the time to which its owner has advanced it, s.
     times: Vec<f64>,
     pub(crate) facts: Facts,

@@ -134,7 +134,7 @@ impl FluidFields {
     ) -> Result<Self, SetupError> {
         Ok(FluidFields {
             velocity: setup.own(body, &keys::VELOCITY)?,
-            density: setup.own(body, &keys::DENSITY)?,
+            density: setup.own_derived(body, &keys::DENSITY)?,
             pressure: setup.own(body, &keys::PRESSURE)?,
             fraction: None,
             interface_pressure: None,
@@ -150,7 +150,7 @@ impl FluidFields {
                 false => None,
             },
             viscous_work: match setup.is_declared(body, &keys::VISCOUS_WORK, Access::Read) {
-                true => Some(setup.own(body, &keys::VISCOUS_WORK)?),
+                true => Some(setup.own_derived(body, &keys::VISCOUS_WORK)?),
                 false => None,
             },
         })

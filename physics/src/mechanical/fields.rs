@@ -324,12 +324,12 @@ impl Fields {
             velocity: (is_explicit.then(|| setup.own(body, &keys::VELOCITY))).transpose()?,
             force,
             loads_in_force,
-            stress: setup.own(body, &keys::STRESS)?,
+            stress: setup.own_derived(body, &keys::STRESS)?,
             plastic: match flow {
                 Some(law) => Some(PlasticFields {
                     strain: setup.own(body, &keys::PLASTIC_STRAIN)?,
                     equivalent: setup.own(body, &keys::EQUIVALENT_PLASTIC_STRAIN)?,
-                    work: setup.own(body, &keys::PLASTIC_WORK)?,
+                    work: setup.own_derived(body, &keys::PLASTIC_WORK)?,
                     variables: law.declare(setup, body)?,
                     yield_stress: setup.read_if_provided(body, &keys::YIELD_STRESS)?,
                     transformation_compliance: setup
@@ -343,11 +343,14 @@ impl Fields {
             },
             damage: match breaks {
                 true => Some(Damage {
-                    field: setup.own(body, &keys::DAMAGE)?,
+                    field: setup.own_derived(body, &keys::DAMAGE)?,
                     modes: modes
                         .iter()
                         .map(|mode| {
-                            setup.own(body, &Key::named(format!("damage.{mode}"), "1".into()))
+                            setup.own_derived(
+                                body,
+                                &Key::named(format!("damage.{mode}"), "1".into()),
+                            )
                         })
                         .collect::<Result<_, _>>()?,
                     breaker: setup.break_bonds(body, false)?,
@@ -359,16 +362,16 @@ impl Fields {
                 &keys::CONJUGATE_STRESS,
                 Access::Read,
             ),
-            conjugate_stress: setup.own(body, &keys::CONJUGATE_STRESS)?,
+            conjugate_stress: setup.own_derived(body, &keys::CONJUGATE_STRESS)?,
             conjugate_stress_tensor: match is_conjugate_tensor_read(setup, body) {
-                true => Some(setup.own(body, &keys::CONJUGATE_STRESS_TENSOR)?),
+                true => Some(setup.own_derived(body, &keys::CONJUGATE_STRESS_TENSOR)?),
                 false => None,
             },
             eigenstrain: setup.consume_if_added(body, &keys::EIGENSTRAIN)?,
             watched: watched(setup, body, is_explicit)?,
             eigenstrain_tensor: setup.consume_if_added(body, &keys::EIGENSTRAIN_TENSOR)?,
             birth_strain: match setup.world().is_growing(body) {
-                true => Some(setup.own(body, &keys::BIRTH_STRAIN)?),
+                true => Some(setup.own_derived(body, &keys::BIRTH_STRAIN)?),
                 false => None,
             },
             body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,

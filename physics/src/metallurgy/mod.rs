@@ -354,11 +354,11 @@ impl Metallurgy {
         let temperature = setup.read(body, &keys::TEMPERATURE)?;
         let [a, f, p, b, m] = FRACTIONS;
         let fractions = [
-            setup.own(body, &a)?,
-            setup.own(body, &f)?,
-            setup.own(body, &p)?,
-            setup.own(body, &b)?,
-            setup.own(body, &m)?,
+            setup.own_derived(body, &a)?,
+            setup.own_derived(body, &f)?,
+            setup.own_derived(body, &p)?,
+            setup.own_derived(body, &b)?,
+            setup.own_derived(body, &m)?,
         ];
         let material = &setup.body(body).material_of_point;
         let rate = self.initial_cooling_rate;
@@ -369,8 +369,8 @@ impl Metallurgy {
             transformation_plasticity: self.transformation_plasticity,
             temperature,
             fractions,
-            hardness: setup.own(body, &keys::HARDNESS)?,
-            compliance: setup.own(body, &keys::TRANSFORMATION_COMPLIANCE)?,
+            hardness: setup.own_derived(body, &keys::HARDNESS)?,
+            compliance: setup.own_derived(body, &keys::TRANSFORMATION_COMPLIANCE)?,
             steels,
             points,
             largest_share: 0.0,

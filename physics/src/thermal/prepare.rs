@@ -46,7 +46,7 @@ impl HeatFields {
     fn declare(setup: &mut Setup<'_>, body: BodyIndex) -> Result<Self, SetupError> {
         Ok(HeatFields {
             temperature: setup.own(body, &keys::TEMPERATURE)?,
-            enthalpy: setup.own(body, &keys::ENTHALPY)?,
+            enthalpy: setup.own_derived(body, &keys::ENTHALPY)?,
             source: setup.consume_if_added(body, &keys::HEAT_SOURCE)?,
             conductance: setup.consume_if_added(body, &keys::HEAT_CONDUCTANCE)?,
             constraint: setup.consume_if_added(body, &keys::TEMPERATURE_CONSTRAINT)?,

@@ -84,7 +84,7 @@ impl EulerianPoints {
             },
             EulerianForm::Differences(_) | EulerianForm::Resting | EulerianForm::Projection(_) => {
                 Place::Resting {
-                    mass_flux: setup.own(body, &keys::MASS_FLUX)?,
+                    mass_flux: setup.own_derived(body, &keys::MASS_FLUX)?,
                 }
             }
         };
