@@ -74,17 +74,19 @@ pub enum MaterialError {
         /// Unit of the property.
         unit: &'static str,
     },
-    /// The liquidus lies below the solidus.
-    #[error(
-        "material `{material}`: the liquidus ({liquidus} K) lies below the solidus ({solidus} K)"
-    )]
-    LiquidusBelowSolidus {
+    /// A temperature at which the state of matter changes lies below one that precedes it.
+    #[error("material `{material}`: the {upper} ({above} K) lies below the {lower} ({below} K)")]
+    TemperaturesOutOfOrder {
         /// Name of the material.
         material: String,
-        /// Solidus (K).
-        solidus: f64,
-        /// Liquidus (K).
-        liquidus: f64,
+        /// The temperature that precedes, in words.
+        lower: String,
+        /// Its value, K.
+        below: f64,
+        /// The one that follows.
+        upper: String,
+        /// Its value, K.
+        above: f64,
     },
     /// A property that a plugin needs is not given.
     #[error("material `{material}` has no `{property}`{}", described(.property))]
@@ -162,7 +164,7 @@ impl Material {
     /// library entry as a whole, with its kind and its reference temperature.
     ///
     /// # Errors
-    /// An unknown property, a value out of its range, a liquidus below the solidus, or contradictory thermal expansions.
+    /// An unknown property, a value out of its range, a liquidus below the solidus or above the boiling temperature, or contradictory thermal expansions.
     pub fn new(
         name: impl Into<String>,
         section: MaterialSection,
@@ -184,18 +186,25 @@ impl Material {
             check_range(known(&property)?, &value)?;
             material.properties.insert(property, value);
         }
-        if let (Ok(solidus), Ok(liquidus)) =
-            (material.constant("solidus"), material.constant("liquidus"))
-            && liquidus < solidus
-        {
-            return Err(MaterialError::LiquidusBelowSolidus {
-                material: material.name,
-                solidus,
-                liquidus,
-            });
-        }
+        material.check_order()?;
         Expansion::of(&material)?;
         Ok(material)
+    }
+
+    /// Checks that temperatures at which the state of matter changes ascend.
+    fn check_order(&self) -> Result<(), MaterialError> {
+        let names = ["solidus", "liquidus", "boiling_temperature"];
+        let given = names.map(|name| self.constant(name).ok().map(|at| (name, at)));
+        let given: Vec<(&str, f64)> = given.into_iter().flatten().collect();
+        let wrong = given.windows(2).find(|pair| pair[1].1 < pair[0].1);
+        let error = |pair: &[(&str, f64)]| MaterialError::TemperaturesOutOfOrder {
+            material: self.name.clone(),
+            lower: pair[0].0.replace('_', " "),
+            below: pair[0].1,
+            upper: pair[1].0.replace('_', " "),
+            above: pair[1].1,
+        };
+        wrong.map_or(Ok(()), |pair| Err(error(pair)))
     }
 
     /// Name in the case file.

@@ -249,6 +249,10 @@ mod tests {
         let section = read("solidus = 1700\nliquidus = 1600").expect("valid");
         let error = Material::new("m", section, None).expect_err("liquidus below solidus");
         assert!(error.to_string().contains("below the solidus (1700 K)"));
+        let section = read("liquidus = 1600\nboiling_temperature = 1500").expect("valid");
+        let error = Material::new("m", section, None).expect_err("boiling before melting");
+        let message = "the boiling temperature (1500 K) lies below the liquidus (1600 K)";
+        assert!(error.to_string().contains(message), "{error}");
 
         let section = read("specific_heat = { solid = 1, liquid = 2 }").expect("valid");
         let material = Material::new("m", section, None).expect("valid");
