@@ -198,7 +198,7 @@ interval = 0.01
         let number = |id: &str| found.iter().find(|r| r.id == id).expect(id).value;
         let speed = number("melt.speed.largest");
         assert!((1e-4..1.0).contains(&speed), "{speed}");
-        assert!((number("melt.volume.largest") / 6.4e-8 - 1.0).abs() < 1e-12);
+        assert!((number("melt.volume.largest") / 6.4e-5 - 1.0).abs() < 1e-12);
         let layer = number("melt.layer.points");
         let expected = (5e-2 / 7000.0 * 0.008 / speed).sqrt() / 1e-3;
         assert!((layer / expected - 1.0).abs() < 1e-9, "{layer} {expected}");
