@@ -17,9 +17,10 @@
 //!
 //! Reports: the power into the body (W), and the areas `film.dry`, `film.wet` and `film.lifted_off` (m²).
 
-use std::collections::BTreeMap;
+use std::mem;
 
 use nalgebra::Vector3;
+use perimelt_core::body::SurfaceCell;
 use perimelt_core::material::Property;
 use perimelt_core::numbers::{check_above, check_at_least, check_finite, check_positive};
 use perimelt_core::solver::ExactSum;
@@ -133,18 +134,6 @@ impl SurfaceLaw for FilmLaw {
     }
 }
 
-/// A cell face in a row.
-#[derive(Debug)]
-struct RowCell {
-    /// Index among the cell faces.
-    cell: usize,
-    point: usize,
-    /// Distance along the flow from the origin, m.
-    along: f64,
-    /// Area, m².
-    area: f64,
-}
-
 /// A water jet that is ready to act.
 struct RunningWaterJet {
     body: BodyIndex,
@@ -163,34 +152,17 @@ struct RunningWaterJet {
     place: Vec<(u32, f64)>,
     /// Number of rows that a face has at most.
     rows_of_face: usize,
-    /// Rows of cell faces along the flow, with their numbers, which are the same in all processes.
-    rows: Vec<(usize, Vec<RowCell>)>,
     /// Where the film has lifted off in each row, m along the flow; infinite where it has not.
     lifted: Vec<f64>,
     /// Area of each of [`Film::ALL`], m².
     areas: [f64; 3],
-    /// Version of the cell faces in the rows.
-    version: u64,
 }
 
 impl RunningWaterJet {
-    /// Finds the rows of the surface that is bare now.
-    fn find_rows(&mut self) {
-        let mut rows: BTreeMap<usize, Vec<RowCell>> = BTreeMap::new();
-        for (index, cell) in self.heat.cells().iter().enumerate() {
-            let (row, along) = self.place[cell.point as usize];
-            let row = rows
-                .entry(cell.face as usize * self.rows_of_face + row as usize)
-                .or_default();
-            row.push(RowCell {
-                cell: index,
-                point: cell.point as usize,
-                along,
-                area: cell.area,
-            });
-        }
-        self.rows = rows.into_iter().collect();
-        self.version = self.heat.version();
+    /// Number of the row of a cell face, the same in all processes, and distance of its point along the flow (m).
+    fn place(&self, cell: &SurfaceCell) -> (usize, f64) {
+        let (row, along) = self.place[cell.point as usize];
+        (cell.face as usize * self.rows_of_face + row as usize, along)
     }
 }
 
@@ -294,7 +266,7 @@ impl Coupler for WaterJet {
                 SurfaceHeat::prepare(setup, body, SurfacePlace::new(&self.faces, region), law)?
             }
         };
-        let mut running = RunningWaterJet {
+        Ok(Box::new(RunningWaterJet {
             body,
             flow: self.flow,
             start: self.start,
@@ -303,57 +275,51 @@ impl Coupler for WaterJet {
             leidenfrost: self.leidenfrost,
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
-            rows: Vec::new(),
             lifted: vec![f64::INFINITY; Face::ALL.len() * rows_of_face],
             areas: [0.0; 3],
             place,
             rows_of_face,
-            version: 0,
-        };
-        running.find_rows();
-        Ok(Box::new(running))
+        }))
     }
 }
 
 impl RunningCoupler for RunningWaterJet {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         self.heat.follow(world);
-        if self.version != self.heat.version() {
-            self.find_rows();
-        }
         let temperature = world.read(self.temperature);
         let jet = self.start + self.speed * step.middle();
         let jet = if self.flow.is_upper() { jet } else { -jet };
         let reducer = world.reducer(self.body);
-        let is_own = |part: &RowCell| part.point < reducer.owned();
-        self.lifted.fill(f64::INFINITY);
-        for (row, parts) in &self.rows {
-            for part in parts.iter().filter(|part| is_own(part)) {
-                let is_behind = part.along - jet > self.impingement;
-                if is_behind && temperature[part.point] > self.leidenfrost {
-                    self.lifted[*row] = self.lifted[*row].min(part.along);
-                }
+        let is_own = |cell: &SurfaceCell| (cell.point as usize) < reducer.owned();
+        let cells = self.heat.cells();
+        let mut lifted = mem::take(&mut self.lifted);
+        lifted.fill(f64::INFINITY);
+        for cell in cells.iter().filter(|cell| is_own(cell)) {
+            let (row, along) = self.place(cell);
+            let is_behind = along - jet > self.impingement;
+            if is_behind && temperature[cell.point as usize] > self.leidenfrost {
+                lifted[row] = f64::min(lifted[row], along);
             }
         }
         // a row may lie in several processes
-        reducer.processes().min_each(&mut self.lifted);
+        reducer.processes().min_each(&mut lifted);
         let mut areas = [(); 3].map(|()| ExactSum::default());
         let mut law = self.heat.law();
-        let cells = self.heat.cells().len();
-        law.film.resize(cells, Film::Dry);
-        for (row, parts) in &self.rows {
-            for part in parts {
-                let film = match (part.along >= jet, part.along >= self.lifted[*row]) {
-                    (false, _) => Film::Dry,
-                    (true, false) => Film::Wet,
-                    (true, true) => Film::LiftedOff,
-                };
-                if is_own(part) {
-                    areas[film as usize].add(part.area);
-                }
-                law.film[part.cell] = film;
+        law.film.clear();
+        for cell in cells.iter() {
+            let (row, along) = self.place(cell);
+            let film = match (along >= jet, along >= lifted[row]) {
+                (false, _) => Film::Dry,
+                (true, false) => Film::Wet,
+                (true, true) => Film::LiftedOff,
+            };
+            if is_own(cell) {
+                areas[film as usize].add(cell.area);
             }
+            law.film.push(film);
         }
+        drop((cells, law));
+        self.lifted = lifted;
         self.areas = areas.map(|area| reducer.total(area));
         Ok(())
     }

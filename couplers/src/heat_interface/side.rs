@@ -125,11 +125,10 @@ impl Side {
         cells.map(|(index, point)| (index, point as usize))
     }
 
-    /// Points of the surface that this process owns, ascending, with their places.
-    fn own_points(&self) -> impl Iterator<Item = (usize, usize)> {
-        let points = self.own.iter().enumerate();
-        let points = points.filter(|(_, point)| **point != NO_POINT);
-        points.map(|(place, point)| (place, *point as usize))
+    /// Points of the surface that this process owns, ascending.
+    fn own_points(&self) -> impl Iterator<Item = usize> {
+        let points = self.own.iter().filter(|point| **point != NO_POINT);
+        points.map(|point| *point as usize)
     }
 
     /// Finds the distances of the surface, which the physics of the body has told once all plugins are prepared. Collective.
@@ -163,7 +162,7 @@ impl Side {
         let materials = (self.materials).with(world.body(self.body), fraction.as_deref());
         let mut rows = mem::take(&mut self.rows);
         rows.clear();
-        for (_, point) in self.own_points() {
+        for point in self.own_points() {
             let t = temperature[point];
             let conductivity = materials.conductivity(point, |m| {
                 let liquid = self.curves.get(m).map_or(0.0, |c| c.liquid_fraction(t));

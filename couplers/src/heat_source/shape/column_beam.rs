@@ -214,20 +214,22 @@ impl ColumnBeam {
             None => 0..dims[a],
         });
         let Some(gathered) = body.gathered(cells) else {
-            return self.add_to(body, pose, power, values, scratch);
+            return self.add_to(body, (placed, spans), pose, power, values, scratch);
         };
         let mut of_cells = vec![0.0; gathered.len()];
-        let deposit = self.add_to(&gathered, pose, power, &mut of_cells, scratch);
+        let placed = (placed, spans);
+        let deposit = self.add_to(&gathered, placed, pose, power, &mut of_cells, scratch);
         for (number, point) in &gathered.own {
             values[*point] += of_cells[*number];
         }
         deposit
     }
 
-    /// [`ColumnBeam::add`] to a body of which this process has all cells below the beam.
+    /// [`ColumnBeam::add`] to a body of which this process has all cells below the footprint.
     fn add_to(
         &self,
         body: &(impl HeatedBody + ?Sized),
+        (placed, spans): (PlacedFootprint, [Span; 2]),
         pose: &Pose,
         power: f64,
         values: &mut [f64],
@@ -235,8 +237,6 @@ impl ColumnBeam {
     ) -> Deposit {
         let grid = *body.grid();
         let face = self.sampled.heated_surface.face;
-        let placed = self.footprint.placed(face.axis(), pose);
-        let spans = placed.spans(&grid, pose);
         let PlacedFootprint { axes, travel, .. } = placed;
         let sampling = self.sampled.sampling;
         self.footprint.fill_parts(&spans, travel, sampling, scratch);
