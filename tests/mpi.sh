@@ -35,6 +35,8 @@ compare cases/verification/hill-sphere-staggered.toml metal
 # a wall that is built up, and melt that flows
 compare cases/verification/deposit-loaded-wall.toml wall
 compare cases/welding/pool_flow.toml pool "${end[@]}"
+# fragments that meet
+compare cases/fracture/impact.toml fragments --until 1.2e-5
 
 echo "a run of 2 processes, of which one is killed"
 "${launch[@]}" -n 2 "$program" run "$case" --out "$folder/killed.mcap" --threads 1 "${end[@]}" >/dev/null 2>&1 &

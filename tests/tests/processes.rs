@@ -8,7 +8,8 @@ use divided::cases::{
     heated, jittered, layered, ordinary, shrunk, steady, still, struck, torn, weld_by,
     with_heat_of_deformation, zoned,
 };
-use divided::{assert_goes_on, assert_shared, run_in};
+use divided::collision::COLLISION;
+use divided::{assert_goes_on, assert_shared, run_alone};
 use perimelt::case::Case;
 use perimelt_tests::in_processes;
 
@@ -16,7 +17,7 @@ use perimelt_tests::in_processes;
 fn heat_has_the_same_bits_for_any_number_of_processes() {
     for (horizon, counts) in [("1", [2, 3, 7]), ("3", [2, 4, 5])] {
         let text = WELD.replace("HORIZON", horizon);
-        let alone = run_in(1, &text, f64::INFINITY, None);
+        let alone = run_alone(&text);
         assert!(alone.steps > 10 && !alone.numbers.is_empty() && alone.fields.len() >= 3);
         assert_shared(&text, &alone, &counts, horizon);
     }
@@ -32,7 +33,7 @@ fn implicit_heat_has_the_same_bits_for_any_number_of_processes() {
         ("steady and insulated", steady(true), &[3]),
     ];
     for (solver, text, counts) in all {
-        let alone = run_in(1, &text, f64::INFINITY, None);
+        let alone = run_alone(&text);
         assert!(alone.fields.len() >= 2, "{solver}");
         assert_shared(&text, &alone, counts, solver);
     }
@@ -63,7 +64,7 @@ fn all_forms_of_conduction_have_the_same_bits_for_any_number_of_processes() {
         ),
     ];
     for (name, text, counts) in all {
-        let alone = run_in(1, &text, f64::INFINITY, None);
+        let alone = run_alone(&text);
         assert!(alone.steps > 10 && alone.fields.len() >= 3, "{name}");
         assert_shared(&text, &alone, counts, name);
     }
@@ -92,7 +93,7 @@ fn motion_has_the_same_bits_for_any_number_of_processes() {
     ];
     for (kinematics, text, counts) in all {
         let text = text.replace("KINEMATICS", kinematics);
-        let alone = run_in(1, &text, f64::INFINITY, None);
+        let alone = run_alone(&text);
         assert!(alone.steps > 10 && alone.fields.len() >= 4);
         for name in [
             "section.middle.x",
@@ -115,7 +116,7 @@ fn fracture_has_the_same_bits_for_any_number_of_processes() {
         (correspondence(&torn("finite", "stretch")), &[2]),
     ];
     for (text, counts) in all {
-        let alone = run_in(1, &text, f64::INFINITY, None);
+        let alone = run_alone(&text);
         let broken = alone.number("bonds.broken");
         assert!(broken > 1000.0, "{broken} bonds");
         assert_shared(&text, &alone, counts, "fracture");
@@ -142,7 +143,7 @@ fn clouds_have_the_same_bits_for_any_number_of_processes() {
     ];
     for (name, text, counts) in all {
         let text = jittered(&text);
-        let alone = run_in(1, &text, f64::INFINITY, None);
+        let alone = run_alone(&text);
         assert!(alone.steps > 3 && alone.fields.len() >= 3, "{name}");
         if text.contains("fracture = ") {
             assert!(alone.number("bonds.broken") > 100.0, "{name}");
@@ -177,7 +178,7 @@ fn zones_have_the_same_bits_for_any_number_of_processes() {
     ];
     for (name, text, counts) in all {
         let text = zoned(&text);
-        let alone = run_in(1, &text, f64::INFINITY, None);
+        let alone = run_alone(&text);
         assert!(alone.steps > 3 && alone.fields.len() >= 3, "{name}");
         assert_shared(&text, &alone, counts, name);
     }
@@ -189,14 +190,27 @@ fn zones_have_the_same_bits_for_any_number_of_processes() {
 #[test]
 fn impacts_and_given_cracks_have_the_same_bits_for_any_number_of_processes() {
     let struck = struck();
-    let alone = run_in(1, &struck, f64::INFINITY, None);
+    let alone = run_alone(&struck);
     assert!(alone.number("impactor force.z") != 0.0 && alone.number("undex force.x") != 0.0);
     assert!(alone.number("undex cavitation.start") > 0.0);
     assert_shared(&struck, &alone, &[2, 3], "struck");
-    let alone = run_in(1, CRACK, f64::INFINITY, None);
+    let alone = run_alone(CRACK);
     assert!(alone.number("growing_crack length") > 0.02);
     assert_shared(CRACK, &alone, &[2, 3], "crack");
     assert_goes_on(CRACK, 5e-6, &[(3, 2)]);
+}
+
+/// Fragments, deformable bodies and a rigid one that meet points of other processes.
+#[test]
+fn collisions_have_the_same_bits_for_any_number_of_processes() {
+    let alone = run_alone(COLLISION);
+    assert!(alone.number("on plate points") > 10.0);
+    for pair in ["contact on block", "contact on hammer"] {
+        let force = ["x", "z"].map(|axis| alone.number(&format!("{pair} force.{axis}")));
+        assert!(force.iter().all(|force| *force != 0.0), "{pair} {force:?}");
+    }
+    assert_shared(COLLISION, &alone, &[2, 3, 5], "collision");
+    assert_goes_on(COLLISION, 8e-6, &[(1, 3), (3, 2)]);
 }
 
 #[test]
@@ -221,7 +235,7 @@ fn equilibrium_has_the_same_bits_for_any_number_of_processes() {
         ("relaxed", relaxed.replace("KINEMATICS", "finite"), &[3]),
     ];
     for (name, text, counts) in all {
-        let alone = run_in(1, &text, f64::INFINITY, None);
+        let alone = run_alone(&text);
         assert!(alone.steps > 3 && alone.fields.len() >= 3, "{name}");
         assert_shared(&text, &alone, counts, name);
     }
@@ -240,7 +254,7 @@ fn a_quench_has_the_same_bits_for_any_number_of_processes() {
     for (formulation, kinematics, text, counts) in all {
         let text = text.replace("FORMULATION", formulation);
         let text = text.replace("KINEMATICS", kinematics);
-        let alone = run_in(1, &text, f64::INFINITY, None);
+        let alone = run_alone(&text);
         assert!(alone.number("largest share of austenite") > 0.0);
         let largest = |field: &str| {
             let found = alone.fields.iter().find(|(name, _)| name == field);
@@ -270,7 +284,7 @@ fn a_quench_goes_on_with_another_number_of_processes() {
 /// The film of a jet lifts off somewhere along a row of cells, from where on all processes have it.
 #[test]
 fn water_jets_have_the_same_bits_for_any_number_of_processes() {
-    let alone = run_in(1, JET, f64::INFINITY, None);
+    let alone = run_alone(JET);
     assert!(alone.number("film.lifted_off") > 0.0 && alone.number("film.wet") > 0.0);
     assert_shared(JET, &alone, &[2, 3, 5], "jet");
 }
@@ -278,7 +292,7 @@ fn water_jets_have_the_same_bits_for_any_number_of_processes() {
 /// A pool moves over the cuts between processes.
 #[test]
 fn melt_flow_has_the_same_bits_for_any_number_of_processes() {
-    let alone = run_in(1, POOL, f64::INFINITY, None);
+    let alone = run_alone(POOL);
     for name in [
         "speed.max",
         "liquid.volume",
@@ -294,7 +308,7 @@ fn melt_flow_has_the_same_bits_for_any_number_of_processes() {
 /// The columns of a keyhole lie in several processes, and its walls reflect from one to another.
 #[test]
 fn keyholes_have_the_same_bits_for_any_number_of_processes() {
-    let alone = run_in(1, &keyhole(), f64::INFINITY, None);
+    let alone = run_alone(&keyhole());
     assert!(alone.number("torch depth") > 2e-3 && alone.number("torch absorptivity") > 0.5);
     assert_shared(&keyhole(), &alone, &[2, 3, 5], "keyhole");
 }
@@ -302,7 +316,7 @@ fn keyholes_have_the_same_bits_for_any_number_of_processes() {
 /// Bodies that touch: cells of one that cover those of another may belong to another process.
 #[test]
 fn bodies_that_touch_have_the_same_bits_for_any_number_of_processes() {
-    let alone = run_in(1, LAP, f64::INFINITY, None);
+    let alone = run_alone(LAP);
     // 6 mm of the lower plate lie below the upper one
     assert!((alone.number("on upper area") / 6e-5 - 1.0).abs() < 1e-12);
     assert!(alone.number("on upper power into the body") < 0.0);
@@ -331,7 +345,7 @@ fn growing_bodies_have_the_same_bits_for_any_number_of_processes() {
         ),
     ];
     for (name, text, counts) in all {
-        let alone = run_in(1, &text, f64::INFINITY, None);
+        let alone = run_alone(&text);
         assert!(alone.number("deposit points") > 100.0, "{name}");
         assert_shared(&text, &alone, counts, name);
     }
@@ -363,7 +377,7 @@ x = { time = [0, 0.02], value = [0, 5e-6] }
 
 [time]"#;
     let text = text.replace("[time]", pull);
-    let alone = run_in(1, &text, f64::INFINITY, None);
+    let alone = run_alone(&text);
     let broken = alone.number("bonds.broken");
     assert!(broken > 10.0, "{broken} bonds");
     assert_shared(&text, &alone, &[2, 3], "slow fracture");

@@ -110,7 +110,7 @@ pub(crate) fn to_values<T: bytemuck::Pod>(bytes: &[u8]) -> Vec<T> {
 }
 
 impl Exchange {
-    fn new(neighbours: Vec<Neighbour>, beyond: Vec<u32>) -> Self {
+    pub(crate) fn new(neighbours: Vec<Neighbour>, beyond: Vec<u32>) -> Self {
         let message = |neighbour: &Neighbour| Message {
             process: neighbour.process,
             ..Message::default()

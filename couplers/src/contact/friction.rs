@@ -10,27 +10,33 @@ use super::{POINTS, RunningContact, Touch};
 /// Tangential stiffness over normal stiffness, as usual for grains (Silbert et al. (2001)).
 const TANGENTIAL: f64 = 2.0 / 7.0;
 
-/// Springs between a point and those that it touches, m.
+/// Springs between a point and those that it touches, by their numbers, m.
 pub(super) type Springs = Vec<(u32, [f64; 3])>;
 
 impl RunningContact {
     pub(super) fn load_velocities(&mut self, world: &World) {
-        let mut rest = &mut self.velocity[..];
-        for side in &self.sides {
+        self.velocity.resize(self.pairs.owned(), [0.0; 3]);
+        for (side, (_, points)) in self.sides.iter().zip(self.pairs.of_bodies()) {
             let velocity = world.read(side.velocity);
-            let (own, others) = rest.split_at_mut(velocity.len());
-            own.copy_from_slice(&velocity);
-            rest = others;
+            let own = self.velocity[points].iter_mut().zip(&*velocity);
+            own.for_each(|(own, velocity)| *own = (*velocity).into());
         }
+        self.pairs.bring(world, &mut self.velocity);
     }
 
-    pub(super) fn count_contacts(&mut self) {
+    fn velocity_of(&self, point: usize) -> Vector3<f64> {
+        self.velocity[point].into()
+    }
+
+    pub(super) fn count_contacts(&mut self, world: &World) {
         let mut contacts = std::mem::take(&mut self.contacts);
+        contacts.resize(self.pairs.owned(), [0.0]);
         let points = contacts.par_iter_mut().enumerate().with_min_len(POINTS);
-        points.for_all(|(i, count)| {
+        points.for_all(|(i, [count])| {
             *count = 0.0;
             self.for_each_touch(i, 1.0, |_, _| *count += 1.0);
         });
+        self.pairs.bring(world, &mut contacts);
         self.contacts = contacts;
     }
 
@@ -45,9 +51,9 @@ impl RunningContact {
         spring: Vector3<f64>,
     ) -> (Vector3<f64>, Vector3<f64>) {
         let across = |vector: Vector3<f64>| vector - touch.normal * touch.normal.dot(&vector);
-        let velocity = across(self.velocity[i] - self.velocity[j]);
+        let velocity = across(self.velocity_of(i) - self.velocity_of(j));
         let spring = across(spring);
-        let inverse = |p: usize| self.contacts[p] / self.points[p].mass;
+        let inverse = |p: usize| self.contacts[p][0] / self.points[p].mass;
         let stop = velocity / (inverse(i) + inverse(j));
         let of_length = dt * TANGENTIAL * touch.stiffness;
         let sticking = -(stop + spring * of_length);

@@ -32,18 +32,22 @@ mod impactor;
 mod normals;
 #[cfg(test)]
 mod tests;
+mod touch;
 
 use friction::Springs;
 pub use impactor::Impactor;
-use normals::Neighbourhoods;
+use normals::{NEAR, Neighbourhoods};
+use touch::{ContactPoint, REACH, Touch, contact_range};
 
 use nalgebra::Vector3;
 use perimelt_core::numbers::{check_at_least, check_positive};
 use perimelt_core::parallel::ParallelLoop;
+use perimelt_core::plugin::check_length;
 use perimelt_core::solver::reduce::max_abs;
+use perimelt_core::world::FamilyReach;
 use perimelt_core::{
-    Coupler, FamilySpec, LoadError, PairList, Prepared, Read, Report, RunError, RunningCoupler,
-    SavedState, Setup, SetupError, Step, World, Write, keys,
+    Coupler, FamilySpec, Horizon, LoadError, PairList, Prepared, Read, Report, RunError,
+    RunningCoupler, SavedState, Setup, SetupError, Step, World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -76,17 +80,6 @@ fn default_stiffness() -> f64 {
 /// Least number of points that a thread processes.
 const POINTS: usize = 1024;
 
-/// Distance at which unbonded points meet, in spacings.
-const REACH: f64 = 1.35;
-/// Distance at which bonded points meet, as a fraction of that at rest.
-const CLOSE: f64 = 0.9;
-/// Range of a point of another body along the surface, in spacings.
-const WIDTH: f64 = 2.0;
-/// Largest deviation of a plane from flat, by dimension: a plane has 1, 0.6 and 0.38, an edge 0.94 and 0.6.
-const FLAT: [f64; 3] = [f64::INFINITY, 0.75, 0.48];
-/// Largest cosine between the outward normals of two flat surfaces that face each other. The side of a block on a floor does
-/// not face the floor: a normal halfway between both would resist sliding.
-const FACING_COSINE: f64 = -0.3;
 /// Contacts along the normal that a point may have at a time, by dimension: for the stable step.
 const FACING: [f64; 3] = [1.0, 2.0, 4.0];
 
@@ -101,29 +94,31 @@ struct RunningContact {
     squares: Vec<f64>,
     /// Surfaces, where two bodies meet.
     surfaces: Option<Surfaces>,
-    /// The fields from here to `impulse` are by point, with the points of the first body first.
+    /// The fields from here to `contacts` are by point of the pairs.
     points: Vec<ContactPoint>,
     /// Velocities, m/s.
-    velocity: Vec<Vector3<f64>>,
+    velocity: Vec<[f64; 3]>,
     /// Number of contacts; for friction only.
-    contacts: Vec<f64>,
-    /// The points that each point touches, and the lengths of their springs (m); for friction only.
+    contacts: Vec<[f64; 1]>,
+    /// The fields from here to `impulse` are by point that this process owns. Numbers of the points that each point touches, and the
+    /// lengths of their springs (m); for friction only.
     springs: Vec<Springs>,
     /// Springs of the previous step.
     last_springs: Vec<Springs>,
     /// Impulse per volume, N s/m³.
     impulse: Vec<Vector3<f64>>,
     dimension: usize,
-    /// Size of the last step, s.
-    step: f64,
+    /// Force on the first body in the last step, N; number of points in contact, where pieces of one body meet.
+    force: Vector3<f64>,
+    touched: f64,
 }
 
 /// Surfaces of two bodies.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Surfaces {
-    neighbourhoods: Neighbourhoods,
+    neighbourhoods: Vec<Neighbourhoods>,
     /// Outward normal, zero inside, and the deviation of the surface from flat.
-    normals: Vec<(Vector3<f64>, f64)>,
+    normals: Vec<[f64; 4]>,
 }
 
 /// A body in contact.
@@ -131,35 +126,8 @@ struct Surfaces {
 struct Side {
     velocity: Read<Vector3<f64>>,
     impulse: Write<Vector3<f64>>,
-}
-
-/// A point in contact.
-#[derive(Clone, Copy, Debug)]
-struct ContactPoint {
-    /// Position in the reference configuration, m.
-    position: Vector3<f64>,
-    /// m.
-    spacing: f64,
-    /// m³.
-    volume: f64,
-    /// kg.
-    mass: f64,
-    /// Contact stiffness k, N/m⁷.
-    stiffness: f64,
-}
-
-impl ContactPoint {
-    /// Distance at which two points meet, m.
-    fn distance(&self, other: &ContactPoint) -> f64 {
-        let rest = (self.position - other.position).norm();
-        let reach = 0.5 * REACH * (self.spacing + other.spacing);
-        reach.min(CLOSE * rest)
-    }
-}
-
-/// Range of a point of another body, m, along and across its surface.
-fn contact_range(spacing: f64) -> f64 {
-    (1.0 + WIDTH * WIDTH).sqrt() * spacing
+    /// Impulse per volume of all points that this process has, N s/m³.
+    at_points: Vec<Vector3<f64>>,
 }
 
 /// Stiffness of the contact of each point, N/m⁷.
@@ -177,26 +145,6 @@ fn stiffness(setup: &Setup<'_>, body: usize, factor: f64) -> Result<Vec<f64>, Se
     Ok(points.map(point).collect())
 }
 
-/// Two points in contact, seen from the first one.
-struct Touch {
-    /// Unit vector from the other point to this one.
-    normal: Vector3<f64>,
-    /// Normal impulse, N s.
-    impulse: f64,
-    /// Normal stiffness, N/m.
-    stiffness: f64,
-}
-
-/// The overlap of the surfaces of two bodies at a pair of points.
-struct Overlap {
-    /// Unit vector from the other point to this one.
-    normal: Vector3<f64>,
-    /// Along the normal, m.
-    depth: f64,
-    /// Weight of the pair.
-    weight: f64,
-}
-
 impl RunningContact {
     fn update_pairs(&mut self, world: &World) {
         self.pairs.update(world);
@@ -204,9 +152,15 @@ impl RunningContact {
             return;
         }
         self.version = self.pairs.version();
+        let own = &self.points[..self.pairs.owned()];
+        let mut numbers = own.iter().map(ContactPoint::numbers).collect();
+        self.pairs.bring(world, &mut numbers);
+        self.points.clear();
+        self.points
+            .extend(numbers.into_iter().map(ContactPoint::from_numbers));
         let pairs = &self.pairs;
         self.squares.clear();
-        for (i, point) in self.points.iter().enumerate() {
+        for (i, point) in self.points[..pairs.owned()].iter().enumerate() {
             let others = pairs.candidates(i).iter();
             let square = |&j: &u32| {
                 let other = &self.points[j as usize];
@@ -222,99 +176,25 @@ impl RunningContact {
         }
     }
 
-    /// Calls `receive` with each point that touches point `i` and its contact in a step of `dt` (s).
-    fn for_each_touch(&self, i: usize, dt: f64, mut receive: impl FnMut(usize, Touch)) {
-        let (positions, point) = (self.pairs.positions(), &self.points[i]);
-        let others = self.pairs.candidates(i).iter();
-        for (&j, &limit) in others.zip(&self.squares[self.pairs.range(i)]) {
-            let j = j as usize;
-            let apart = positions[i] - positions[j];
-            let square = apart.norm_squared();
-            if square >= limit {
-                continue;
-            }
-            let other = &self.points[j];
-            let Overlap {
-                normal,
-                depth,
-                weight,
-            } = match &self.surfaces {
-                None => {
-                    let distance = square.sqrt();
-                    Overlap {
-                        normal: apart / distance,
-                        depth: limit.sqrt() - distance,
-                        weight: 1.0,
-                    }
-                }
-                Some(surfaces) => self.overlap(surfaces, i, j, &apart),
-            };
-            // coincident points have no normal between them
-            if normal.x.is_nan() {
-                continue;
-            }
-            if depth > 0.0 && weight > 0.0 {
-                let mean = 0.5 * (point.stiffness + other.stiffness);
-                let stiffness = mean * weight * point.volume * other.volume;
-                let touch = Touch {
-                    normal,
-                    impulse: dt * stiffness * depth,
-                    stiffness,
-                };
-                receive(j, touch);
-            }
-        }
-    }
-
-    /// The overlap of the surfaces of two bodies at points i and j.
-    fn overlap(&self, surfaces: &Surfaces, i: usize, j: usize, apart: &Vector3<f64>) -> Overlap {
-        let [(own, own_edge), (other, other_edge)] = [surfaces.normals[i], surfaces.normals[j]];
-        let is_flat = |edge: f64| edge < FLAT[self.dimension - 1];
-        if is_flat(own_edge) && is_flat(other_edge) && own.dot(&other) > FACING_COSINE {
-            return Overlap {
-                normal: own,
-                depth: 0.0,
-                weight: 0.0,
-            };
-        }
-        // an edge meets a plane along the normal of the plane, and another edge along the line between the points
-        let along = match (is_flat(own_edge), is_flat(other_edge)) {
-            (true, true) => other - own,
-            (true, false) => -own,
-            (false, true) => other,
-            (false, false) => *apart,
-        };
-        let normal = along.normalize();
-        let spacing = 0.5 * (self.points[i].spacing + self.points[j].spacing);
-        let gap = normal.dot(apart);
-        let across = (apart - gap * normal).norm() / (WIDTH * spacing);
-        // sums of the weight over a line or a plane of points
-        let sum = [
-            1.0,
-            16.0 / 15.0 * WIDTH,
-            std::f64::consts::PI / 3.0 * WIDTH * WIDTH,
-        ];
-        let weight = (1.0 - across * across).max(0.0).powi(2) / sum[self.dimension - 1];
-        Overlap {
-            normal,
-            depth: spacing - gap,
-            weight,
-        }
-    }
-
     /// Impulses of a step of `dt` (s).
     fn evaluate(&mut self, world: &World, dt: f64) {
         let has_friction = self.friction_coefficient > 0.0;
-        self.step = dt;
         self.update_pairs(world);
-        if let Some(surfaces) = &mut self.surfaces {
-            let positions = self.pairs.positions();
-            let normals = &mut surfaces.normals;
-            surfaces.neighbourhoods.normals(positions, normals);
+        if let Some(Surfaces {
+            neighbourhoods,
+            normals,
+        }) = &mut self.surfaces
+        {
+            normals.resize(self.pairs.owned(), [0.0; 4]);
+            for ((body, points), neighbourhoods) in self.pairs.of_bodies().zip(neighbourhoods) {
+                let configuration = world.configuration(body);
+                neighbourhoods.normals(configuration.positions(), &mut normals[points]);
+            }
+            self.pairs.bring(world, normals);
         }
         if has_friction {
             self.load_velocities(world);
-            self.count_contacts();
+            self.count_contacts(world);
         }
         std::mem::swap(&mut self.springs, &mut self.last_springs);
         let mut impulse = std::mem::take(&mut self.impulse);
@@ -326,11 +206,12 @@ impl RunningContact {
             self.for_each_touch(i, dt, |j, touch| {
                 *sum += touch.normal * touch.impulse;
                 if has_friction {
-                    let last = self.last_springs[i].iter().find(|(p, _)| *p == j as u32);
+                    let number = self.pairs.number(j);
+                    let last = self.last_springs[i].iter().find(|(p, _)| *p == number);
                     let last = last.map_or_else(Vector3::zeros, |(_, s)| (*s).into());
                     let (friction, spring) = self.friction(i, j, &touch, dt, last);
                     *sum += friction;
-                    springs.push((j as u32, spring.into()));
+                    springs.push((number, spring.into()));
                 }
             });
             *sum /= self.points[i].volume;
@@ -338,16 +219,22 @@ impl RunningContact {
         (self.impulse, self.springs) = (impulse, springs);
     }
 
-    /// Impulse on the first body in the last step over its size, N.
-    fn force(&self) -> Vector3<f64> {
-        let points = self.impulse.iter().zip(&self.points);
-        let first = points.take(self.pairs.first_points());
-        let impulse: Vector3<f64> = first.map(|(j, p)| j * p.volume).sum();
-        if self.step > 0.0 {
-            impulse / self.step
+    /// Sums up what is reported of a step of `dt` (s). Collective.
+    fn count(&mut self, world: &World, dt: f64) {
+        let (body, _) = self.pairs.of_bodies().next().expect("a body");
+        let reducer = world.reducer(body);
+        if self.sides.len() == 1 {
+            let touched = self.impulse.iter().filter(|j| j.norm_squared() > 0.0);
+            self.touched = reducer.total_of(touched.count() as f64);
+            return;
+        }
+        let impulse = |point: usize| (self.impulse[point] * self.points[point].volume).into();
+        let impulse = Vector3::from(reducer.sum_points(impulse));
+        self.force = if dt > 0.0 {
+            impulse / dt
         } else {
             Vector3::zeros()
-        }
+        };
     }
 }
 
@@ -372,22 +259,31 @@ impl Contact {
 
 #[typetag::serialize(name = "contact")]
 impl Coupler for Contact {
+    fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        for body in self.bodies(setup)? {
+            setup.publish(body, FamilyReach(Horizon::Spacings(NEAR)))?;
+        }
+        Ok(())
+    }
+
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         check_positive("stiffness", self.stiffness, "")?;
         check_at_least("friction", self.friction, 0.0, "")?;
         let bodies = self.bodies(setup)?;
         let (mut sides, mut points, mut reach) = (Vec::new(), Vec::new(), Vec::new());
-        let mut surfaces = Surfaces::default();
+        let mut neighbourhoods = Vec::new();
         for &body in &bodies {
             setup.read(body, &keys::DISPLACEMENT)?;
             sides.push(Side {
                 velocity: setup.read(body, &keys::VELOCITY)?,
                 impulse: setup.add(body, &keys::IMPULSE)?,
+                at_points: vec![Vector3::zeros(); setup.body(body).points.len()],
             });
             let stiffness = stiffness(setup, body, self.stiffness)?;
             let density = setup.world().density_at_points(body)?;
             let own = &setup.body(body).points;
-            points.extend((0..own.len()).map(|i| ContactPoint {
+            let owned = 0..setup.world().reducer(body).owned();
+            points.extend(owned.map(|i| ContactPoint {
                 position: own.position[i],
                 spacing: own.spacing[i],
                 volume: own.volume[i],
@@ -399,13 +295,16 @@ impl Coupler for Contact {
                 1 => spacings.map(|s| REACH * s).collect::<Vec<_>>(),
                 _ => spacings.map(|s| contact_range(*s)).collect(),
             });
-            surfaces.neighbourhoods.add(setup.body(body));
-        }
-        let pairs = match (&bodies[..], &mut reach[..]) {
-            (&[first, second], [a, b]) => {
-                PairList::between([first, second], [std::mem::take(a), std::mem::take(b)])
+            if bodies.len() == 2 {
+                let near = Neighbourhoods::new(setup.body(body), &setup.world().reducer(body));
+                setup.read_points(body, near.points());
+                neighbourhoods.push(near);
             }
-            (all, own) => PairList::within(all[0], std::mem::take(&mut own[0])),
+        }
+        let world = setup.world();
+        let pairs = match (&bodies[..], &reach[..]) {
+            (&[first, second], [a, b]) => PairList::between(world, [first, second], [a, b]),
+            (all, own) => PairList::within(world, all[0], &own[0]),
         };
         Ok(Box::new(RunningContact {
             friction_coefficient: self.friction,
@@ -413,14 +312,18 @@ impl Coupler for Contact {
             pairs,
             version: 0,
             squares: Vec::new(),
-            surfaces: (bodies.len() == 2).then_some(surfaces),
-            velocity: vec![Vector3::zeros(); points.len()],
-            contacts: vec![0.0; points.len()],
+            surfaces: (bodies.len() == 2).then_some(Surfaces {
+                neighbourhoods,
+                normals: Vec::new(),
+            }),
+            velocity: Vec::new(),
+            contacts: Vec::new(),
             springs: vec![Springs::new(); points.len()],
             last_springs: vec![Springs::new(); points.len()],
             impulse: vec![Vector3::zeros(); points.len()],
             dimension: setup.body(bodies[0]).dimension,
-            step: 0.0,
+            force: Vector3::zeros(),
+            touched: 0.0,
             points,
         }))
     }
@@ -429,54 +332,65 @@ impl Coupler for Contact {
 impl RunningCoupler for RunningContact {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         self.evaluate(world, step.size);
-        let mut rest = &self.impulse[..];
-        for side in &self.sides {
+        for (side, (body, points)) in self.sides.iter_mut().zip(self.pairs.of_bodies()) {
+            side.at_points[..points.len()].copy_from_slice(&self.impulse[points]);
+            let at_points = bytemuck::cast_slice_mut(&mut side.at_points);
+            world.reducer(body).bring(at_points);
             let mut impulse = world.write(side.impulse);
-            let (own, others) = rest.split_at(impulse.len());
-            let points = impulse.par_iter_mut().zip(own).with_min_len(POINTS);
-            points.for_all(|(sum, j)| *sum += j);
-            rest = others;
+            let points = impulse.par_iter_mut().zip(&side.at_points);
+            points.with_min_len(POINTS).for_all(|(sum, j)| *sum += j);
         }
+        self.count(world, step.size);
         Ok(())
     }
 
     /// `2 / omega` for two points in the stiffest contact.
-    fn stable_step(&mut self, _world: &World) -> Option<f64> {
+    fn stable_step(&mut self, world: &World) -> Option<f64> {
         let square = |point: &ContactPoint| {
             2.0 * FACING[self.dimension - 1] * point.stiffness * point.volume * point.volume
                 / point.mass
         };
-        Some(2.0 / self.points.iter().map(square).fold(0.0, f64::max).sqrt())
+        let largest = self.points.iter().map(square).fold(0.0, f64::max);
+        Some(2.0 / world.processes().max(largest).sqrt())
     }
 
-    fn save(&self, _world: &World) -> Box<dyn erased_serde::Serialize + '_> {
+    fn save(&self, world: &World) -> Box<dyn erased_serde::Serialize + '_> {
         let touching = self.springs.iter().any(|s| !s.is_empty());
-        Box::new(touching.then_some(&self.springs))
+        let springs = world.processes().any(touching).then(|| {
+            let of_bodies = self.pairs.of_bodies();
+            let of_bodies =
+                of_bodies.map(|(body, points)| world.whole_of(body, &self.springs[points]));
+            of_bodies.collect::<Vec<_>>().concat()
+        });
+        Box::new(springs)
     }
 
-    fn load(&mut self, _world: &World, saved: SavedState<'_, '_>) -> Result<(), LoadError> {
+    fn load(&mut self, world: &World, saved: SavedState<'_, '_>) -> Result<(), LoadError> {
         let springs: Option<Vec<Springs>> = erased_serde::deserialize(saved)?;
-        let points = self.points.len();
-        let springs = springs.unwrap_or_else(|| vec![Springs::new(); points]);
-        if springs.len() != points {
-            let message = format!("springs of {} points, not {points}", springs.len());
-            return Err(serde::de::Error::custom(message));
+        self.springs.fill(Springs::new());
+        let Some(mut rest) = springs else {
+            return Ok(());
+        };
+        let bodies = self.pairs.of_bodies().map(|(body, _)| body);
+        let points = bodies.map(|body| world.points_of_whole(body)).sum();
+        check_length("springs", rest.len(), points)?;
+        for (body, points) in self.pairs.of_bodies() {
+            let behind = rest.split_off(world.points_of_whole(body));
+            let own = world.reducer(body).part_of(rest);
+            self.springs[points.clone()].clone_from_slice(&own[..points.len()]);
+            rest = behind;
         }
-        self.springs = springs;
         Ok(())
     }
 
     fn report(&self) -> Vec<Report> {
-        if self.sides.len() == 2 {
-            let force = self.force();
-            let axes = ["x", "y", "z"].into_iter().zip(&force);
-            return axes
-                .map(|(axis, force)| Report::new(format!("force.{axis}"), "N", *force))
-                .collect();
+        if self.sides.len() == 1 {
+            return vec![Report::new("points", "1", self.touched)];
         }
-        let touched = self.impulse.iter().filter(|j| j.norm_squared() > 0.0);
-        vec![Report::new("points", "1", touched.count() as f64)]
+        let axes = ["x", "y", "z"].into_iter().zip(&self.force);
+        axes.map(|(axis, force)| Report::new(format!("force.{axis}"), "N", *force))
+            .collect()
     }
 }
 
-perimelt_core::register_coupler!("contact", Contact, supports: [Motion]);
+perimelt_core::register_coupler!("contact", Contact, supports: [Motion, Division]);

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use perimelt_core::body::Points;
-use perimelt_core::solver::reduce::{sum, sum_of, weighted_sum, weighted_vectors};
+use perimelt_core::solver::Reducer;
 
 /// Weights of the sums for the total and the first moment of a field.
 #[derive(Debug)]
@@ -10,6 +10,12 @@ pub(super) struct PointWeights {
     weight: Vec<f64>,
     /// Weight times each component of the arm; empty along z in 2D.
     arm_weight: [Vec<f64>; 3],
+    reducer: Reducer,
+}
+
+/// `sum_i w_i v_i`.
+fn weighted_sum(vectors: &[Vector3<f64>], weights: &[f64], reducer: &Reducer) -> Vector3<f64> {
+    Vector3::from(reducer.sum_points(|i| (weights[i] * vectors[i]).into()))
 }
 
 /// Total and first moment of a vector field over the points of a body.
@@ -23,20 +29,28 @@ pub(super) struct Resultant {
 
 impl PointWeights {
     /// Weights of all points with their arms.
-    pub(super) fn new(dimension: usize, weight: Vec<f64>, arms: &[Vector3<f64>]) -> Self {
+    pub(super) fn new(
+        dimension: usize,
+        weight: Vec<f64>,
+        arms: &[Vector3<f64>],
+        reducer: Reducer,
+    ) -> Self {
         let arm_weight = std::array::from_fn(|axis| match axis < dimension {
             true => weight.iter().zip(arms).map(|(w, a)| w * a[axis]).collect(),
             false => Vec::new(),
         });
-        PointWeights { weight, arm_weight }
+        PointWeights {
+            weight,
+            arm_weight,
+            reducer,
+        }
     }
 
     /// Total and first moment of `field`.
     pub(super) fn resultant(&self, field: &[Vector3<f64>]) -> Resultant {
-        let field: &[f64] = bytemuck::cast_slice(field);
         let weighted = |weights: &Vec<f64>| match weights.is_empty() {
             true => Vector3::zeros(),
-            false => Vector3::from(weighted_vectors(field, weights)),
+            false => weighted_sum(field, weights, &self.reducer),
         };
         Resultant {
             total: weighted(&self.weight),
@@ -73,6 +87,7 @@ pub(super) struct MassProperties {
     pub inertia: Matrix3<f64>,
     /// Inertia of the points without their cells, kg m², with which a velocity of the points is fitted.
     pub point_inertia: Matrix3<f64>,
+    pub reducer: Reducer,
 }
 
 impl MassProperties {
@@ -89,6 +104,7 @@ impl MassProperties {
         points: &Points,
         density: &[f64],
         mass: Option<f64>,
+        reducer: Reducer,
     ) -> Self {
         let mut point_mass: Vec<f64> = points
             .volume
@@ -97,21 +113,22 @@ impl MassProperties {
             .map(|(v, rho)| v * rho)
             .collect();
         if let Some(mass) = mass {
-            let scale = mass / sum(&point_mass);
+            let scale = mass / reducer.sum(&point_mass);
             point_mass.iter_mut().for_each(|m| *m *= scale);
         }
-        let mass = mass.unwrap_or_else(|| sum(&point_mass));
-        let positions: &[f64] = bytemuck::cast_slice(&points.position);
-        let centre = Vector3::from(weighted_vectors(positions, &point_mass)) / mass;
+        let mass = mass.unwrap_or_else(|| reducer.sum(&point_mass));
+        let centre = weighted_sum(&points.position, &point_mass, &reducer) / mass;
         let arm = |x: &Vector3<f64>| {
             let mut arm = x - centre;
             arm.as_mut_slice()[dimension..].fill(0.0);
             arm
         };
         let arms: Vec<_> = points.position.iter().map(arm).collect();
-        let second = PointWeights::new(dimension, point_mass.clone(), &arms).resultant(&arms);
+        let weights = PointWeights::new(dimension, point_mass.clone(), &arms, reducer.clone());
+        let second = weights.resultant(&arms);
         let point_inertia = Matrix3::identity() * second.first.trace() - second.first;
-        let cell_inertia = sum_of([&point_mass, &points.spacing], |[m, s]| m * s * s) / 6.0;
+        let inertia_of_cell = |[m, s]: [f64; 2]| m * s * s;
+        let cell_inertia = reducer.sum_of([&point_mass, &points.spacing], inertia_of_cell) / 6.0;
         MassProperties {
             mass,
             point_mass,
@@ -119,6 +136,7 @@ impl MassProperties {
             arms,
             inertia: point_inertia + Matrix3::identity() * cell_inertia,
             point_inertia,
+            reducer,
         }
     }
 
@@ -129,8 +147,9 @@ impl MassProperties {
         rotation: &Matrix3<f64>,
         velocity: &[Vector3<f64>],
     ) -> (Vector3<f64>, Vector3<f64>) {
-        let momentum =
-            PointWeights::new(3, self.point_mass.clone(), &self.arms).resultant(velocity);
+        let mass = self.point_mass.clone();
+        let weights = PointWeights::new(3, mass, &self.arms, self.reducer.clone());
+        let momentum = weights.resultant(velocity);
         let inertia = rotation * self.point_inertia * rotation.transpose();
         let spin = momentum.moment(rotation);
         (momentum.total / self.mass, solve_symmetric(&inertia, &spin))
@@ -138,8 +157,7 @@ impl MassProperties {
 
     /// Mean displacement of the points, m.
     pub(super) fn mean(&self, displacement: &[Vector3<f64>]) -> Vector3<f64> {
-        let displacement: &[f64] = bytemuck::cast_slice(displacement);
-        Vector3::from(weighted_vectors(displacement, &self.point_mass)) / self.mass
+        weighted_sum(displacement, &self.point_mass, &self.reducer) / self.mass
     }
 
     /// Angle (rad) about `axis` that turns the arms closest to `arm_i + u_i - mean`:
@@ -153,7 +171,7 @@ impl MassProperties {
                 of(a[j], a[k], b[j], b[k])
             };
             let values: Vec<f64> = self.arms.iter().zip(displacement).map(value).collect();
-            weighted_sum(&values, &self.point_mass)
+            self.reducer.dot(&values, &self.point_mass)
         };
         let sine = terms(|aj, ak, bj, bk| aj * bk - ak * bj);
         let cosine = terms(|aj, ak, bj, bk| aj * bj + ak * bk);

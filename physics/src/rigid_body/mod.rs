@@ -175,18 +175,19 @@ impl RunningRigidBody {
         let (min, max) = body.bounds();
         // formulas of a case file give a rigid rotation to rounding
         let limit = 1e-6 * (max - min).norm();
-        for (point, u) in displacement.iter().enumerate() {
-            let distance = (motion(point).0 - u).norm();
-            if distance > limit {
-                return Err(NotRigid {
-                    body: body.name.clone(),
-                    point,
-                    distance,
-                    rotation,
-                });
-            }
+        let distance = |point: usize| (motion(point).0 - displacement[point]).norm();
+        let reducer = &self.properties.reducer;
+        let beside = (0..reducer.owned()).find(|point| distance(*point) > limit);
+        let beside = beside.map(|point| (-f64::from(reducer.number(point)), [distance(point)]));
+        match reducer.largest(beside) {
+            None => Ok(()),
+            Some((number, [distance])) => Err(NotRigid {
+                body: body.name.clone(),
+                point: -number as usize,
+                distance,
+                rotation,
+            }),
         }
-        Ok(())
     }
 }
 
@@ -199,9 +200,10 @@ impl RigidBody {
             (Err(_), Some(_)) => vec![1.0; setup.body(body).points.len()],
             (Err(error), None) => return Err(error),
         };
+        let reducer = setup.world().reducer(body);
         let body = setup.body(body);
         let mut properties =
-            MassProperties::of_points(body.dimension, &body.points, &density, self.mass);
+            MassProperties::of_points(body.dimension, &body.points, &density, self.mass, reducer);
         if let Some(inertia) = self.inertia {
             properties.inertia = inertia.matrix(body.dimension)?;
         }
@@ -313,7 +315,12 @@ impl Physics for RigidBody {
             velocity: setup.own(body, &keys::VELOCITY)?,
             body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
             impulse: setup.take_if_added(body, &keys::IMPULSE)?,
-            volumes: PointWeights::new(dimension, volume, &properties.arms),
+            volumes: PointWeights::new(
+                dimension,
+                volume,
+                &properties.arms,
+                properties.reducer.clone(),
+            ),
             properties,
             dynamics,
             state: RigidState::default(),
@@ -398,4 +405,4 @@ impl RunningPhysics for RunningRigidBody {
     }
 }
 
-perimelt_core::register_physics!("rigid_body", RigidBody);
+perimelt_core::register_physics!("rigid_body", RigidBody, supports: [Division]);

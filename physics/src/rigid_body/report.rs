@@ -1,7 +1,6 @@
 //! Balances and reports of a rigid body.
 
 use nalgebra::Vector3;
-use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::{Balance, Report, World};
 
 use super::RunningRigidBody;
@@ -46,10 +45,10 @@ impl RunningRigidBody {
             .iter()
             .map(|x| x.norm())
             .collect();
-        let mass = &self.properties.point_mass;
+        let (mass, reducer) = (&self.properties.point_mass, &self.properties.reducer);
         [
-            sum_of([mass, &speed], |[m, v]| m * v),
-            sum_of([mass, &speed, &distance], |[m, v, x]| m * v * x),
+            reducer.sum_of([mass, &speed], |[m, v]| m * v),
+            reducer.sum_of([mass, &speed, &distance], |[m, v, x]| m * v * x),
         ]
     }
 

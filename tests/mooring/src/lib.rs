@@ -94,12 +94,17 @@ impl Coupler for Bumper {
         let bodies = [setup.find_body(Some(a))?, setup.find_body(Some(b))?];
         let volumes = bodies.map(|body| setup.body(body).points.volume.clone());
         let reach = volumes.each_ref().map(|v| vec![self.reach; v.len()]);
+        let pairs = PairList::between(
+            setup.world(),
+            bodies,
+            reach.each_ref().map(|reach| &reach[..]),
+        );
         let [first, second] = volumes;
         let first = BumperSide(setup.add(bodies[0], &keys::IMPULSE)?, first);
         let second = BumperSide(setup.add(bodies[1], &keys::IMPULSE)?, second);
         Ok(Box::new(RunningBumper {
             keys: *self,
-            pairs: PairList::between(bodies, reach),
+            pairs,
             sides: [first, second],
         }))
     }

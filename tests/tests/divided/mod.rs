@@ -2,6 +2,10 @@
 
 pub mod build;
 pub mod cases;
+pub mod collision;
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use perimelt::case::Case;
 use perimelt_core::transport::Processes;
@@ -103,6 +107,18 @@ fn assert_same(one: &End, other: &End, run: &str) {
     assert!(found.is_empty(), "{run}: {found:?}");
 }
 
+/// A whole run in one process, with which several tests compare others.
+pub fn run_alone(text: &str) -> Arc<End> {
+    static ENDS: Mutex<BTreeMap<String, Arc<End>>> = Mutex::new(BTreeMap::new());
+    let ends = || ENDS.lock().unwrap_or_else(PoisonError::into_inner);
+    let found = ends().get(text).cloned();
+    found.unwrap_or_else(|| {
+        let end = Arc::new(run_in(1, text, f64::INFINITY, None));
+        ends().insert(text.into(), end.clone());
+        end
+    })
+}
+
 /// [`run`] in some threads.
 pub fn run_in(count: usize, text: &str, until: f64, start: Option<&[u8]>) -> End {
     let ends = in_processes(count, |processes| run(text, until, start, processes));
@@ -122,7 +138,7 @@ pub fn assert_shared(text: &str, alone: &End, counts: &[usize], what: &str) {
 
 /// Stops a run at a time (s), and lets it go on with other numbers of processes.
 pub fn assert_goes_on(text: &str, stop: f64, counts: &[(usize, usize)]) {
-    let whole = run_in(1, text, f64::INFINITY, None);
+    let whole = run_alone(text);
     for &(before, after) in counts {
         let half = run_in(before, text, stop, None);
         assert!(half.steps < whole.steps);
