@@ -11,7 +11,7 @@ use divided::cases::{
 use divided::collision::COLLISION;
 use divided::{assert_goes_on, assert_shared, run_alone};
 use perimelt::case::Case;
-use perimelt_tests::in_processes;
+use perimelt_tests::{in_processes, root};
 
 #[test]
 fn heat_has_the_same_bits_for_any_number_of_processes() {
@@ -160,6 +160,20 @@ fn clouds_have_the_same_bits_for_any_number_of_processes() {
     }
     let torn = jittered(&torn("finite", "energy"));
     assert_goes_on(&torn, 3e-6, &[(1, 3), (3, 2)]);
+}
+
+/// A pulse on a face, the cells of which belong to several processes, on a lattice and on points of two spacings.
+#[test]
+fn pulses_have_the_same_bits_for_any_number_of_processes() {
+    for name in ["dhpd-4.4-film-plate", "dhpd-4.4-film-zones"] {
+        let file = root().join(format!("cases/verification/{name}.toml"));
+        let text = std::fs::read_to_string(file).expect("readable");
+        let text = text.replace("end = 1e-12", "end = 4e-15");
+        let text = text.split("[[verify]]").next().expect("a case");
+        let alone = run_alone(text);
+        assert!(alone.number("energy.deposited") > 0.0);
+        assert_shared(text, &alone, &[2, 3], name);
+    }
 }
 
 /// Bodies whose points are finer in one half.

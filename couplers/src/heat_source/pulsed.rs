@@ -4,10 +4,12 @@
 //! of the pulse duration until the pulse is over.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
+use perimelt_core::solver::ExactSum;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Coupler, LoadError, Prepared, Report, RunError, RunningCoupler, SavedState, Setup, Step,
+    Coupler, Face, LoadError, Prepared, Report, RunError, RunningCoupler, SavedState, Setup, Step,
     StepLimits, World, Write, flattened, keys,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -47,17 +49,31 @@ struct RunningPulsedLaserSource {
     positions: StepPositions,
 }
 
+/// Area of the cells of a body that face a laser, m². Collective.
+fn facing_area(world: &World, body: BodyIndex, grid: &CellGrid, face: Face) -> f64 {
+    let (this, reducer, axis) = (world.body(body), world.reducer(body), face.axis());
+    let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+    if let Some(lattice) = this.lattice() {
+        let cells = lattice.whole().cell_of_point.iter();
+        let columns: BTreeSet<[u32; 2]> = cells.map(|cell| [cell[u], cell[v]]).collect();
+        return columns.len() as f64 * grid.spacing[u] * grid.spacing[v];
+    }
+    if axis >= this.dimension {
+        return reducer.sum(&this.points.volume) / grid.spacing[axis];
+    }
+    let mut area = ExactSum::default();
+    let faces = this.surface_of(0..reducer.owned(), &[face], |_| true);
+    faces.iter().for_each(|cell| area.add(cell.area));
+    reducer.total(area)
+}
+
 #[typetag::serialize(name = "pulsed_laser")]
 impl Coupler for PulsedLaserSource {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.target.body.as_deref())?;
         self.shape.validate()?;
-        let this = setup.body(body);
-        let (grid, face) = (grid(this), self.shape.heated_surface.face);
-        let area = match face.axis() < this.dimension {
-            true => this.surface(&[face]).iter().map(|c| c.area).sum(),
-            false => this.points.volume.iter().sum::<f64>() / grid.spacing[face.axis()],
-        };
+        let grid = grid(setup.body(body));
+        let area = facing_area(setup.world(), body, &grid, self.shape.heated_surface.face);
         Ok(Box::new(RunningPulsedLaserSource {
             shape: self.shape,
             body,
@@ -93,7 +109,7 @@ impl RunningCoupler for RunningPulsedLaserSource {
                         state: AbsorbingState::None,
                         reducer: world.reducer(self.body),
                     };
-                    self.shape.add(&body, from, to, &mut heat_source)
+                    self.shape.add(&body, from, to, self.area, &mut heat_source)
                 }
             };
             self.account.book(&deposit, 1.0, step.size, Some(0.0));
@@ -124,7 +140,7 @@ impl RunningCoupler for RunningPulsedLaserSource {
     }
 }
 
-perimelt_core::register_coupler!("pulsed_laser", PulsedLaserSource, supports: [Motion, Flow]);
+perimelt_core::register_coupler!("pulsed_laser", PulsedLaserSource, supports: [Motion, Flow, Division]);
 
 impl<'de> Deserialize<'de> for PulsedLaserSource {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {

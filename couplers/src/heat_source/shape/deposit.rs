@@ -32,6 +32,16 @@ pub struct Depression {
 }
 
 impl Deposit {
+    /// The deposit of a part of the power asked for.
+    pub(super) fn of(asked: f64, deposited: f64) -> Self {
+        Deposit {
+            asked,
+            deposited,
+            lost: asked - deposited,
+            depression: None,
+        }
+    }
+
     /// The deposit of `scale` (W) times the parts of cells, of `all` of which the ones with the sum `hit` have material.
     pub(super) fn of_parts(asked: f64, scale: f64, hit: f64, all: f64) -> Self {
         // a difference of rounding size is not lost power

@@ -9,6 +9,7 @@
 //! Averages over a cell and a step are exact. Power that passes through the body is reported as `lost`.
 
 use perimelt_core::SetupError;
+use perimelt_core::solver::ExactSum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -95,12 +96,13 @@ impl PulsedLaser {
 
     /// Adds the mean power density of a step from `from` to `to` (s) to `values` (W/m³).
     ///
-    /// The power asked for is the mean intensity times the area of the columns with material.
+    /// The power asked for is the mean intensity times `area` (m²), that of the cells that face the laser.
     pub fn add(
         &self,
         body: &(impl HeatedBody + ?Sized),
         from: f64,
         to: f64,
+        area: f64,
         values: &mut [f64],
     ) -> Deposit {
         let grid = *body.grid();
@@ -116,31 +118,25 @@ impl PulsedLaser {
             None => 0.0,
         };
         let deeper = |depth: f64| self.left_at(depth * width);
-        let column = self.absorbed(from, to) / (to - from) * grid.spacing[u] * grid.spacing[v];
-        let mut deposit = Deposit::default();
+        let intensity = self.absorbed(from, to) / (to - from);
+        let column = intensity * grid.spacing[u] * grid.spacing[v];
+        let mut deposited = ExactSum::default();
         for j in 0..grid.dims[v] {
             for i in 0..grid.dims[u] {
-                let (mut hit, mut material) = (0.0, false);
                 for k in 0..layers {
                     let mut cell = [0; 3];
                     (cell[axis], cell[u], cell[v]) = (k as usize, i, j);
                     let Some(point) = body.point(cell) else {
                         continue;
                     };
-                    material = true;
                     let (near, far) = depth_range(face, k, level);
-                    let part = deeper(near) - deeper(far);
-                    values[point] += column * part / body.volume(point);
-                    hit += part;
-                }
-                if material {
-                    deposit.asked += column;
-                    deposit.deposited += column * hit;
-                    deposit.lost += column * (1.0 - hit);
+                    let power = column * (deeper(near) - deeper(far));
+                    values[point] += power / body.volume(point);
+                    deposited.add(power);
                 }
             }
         }
-        deposit
+        Deposit::of(intensity * area, body.total(deposited))
     }
 }
 
@@ -150,8 +146,7 @@ impl PulsedLaser {
         (-depth.max(0.0) / self.absorption_depth).exp()
     }
 
-    /// [`PulsedLaser::add`] for a body without a lattice. `area` (m²) is the area of the cells that face the laser; it
-    /// determines the power asked for.
+    /// [`PulsedLaser::add`] for a body without a lattice.
     pub fn add_to_cells(
         &self,
         cells: &Cells<'_>,
@@ -170,9 +165,9 @@ impl PulsedLaser {
             _ => low[axis],
         };
         let intensity = self.absorbed(from, to) / (to - from);
-        let mut deposited = 0.0;
-        // no process shares this source
-        for (point, value) in values.iter_mut().enumerate() {
+        let mut deposited = ExactSum::default();
+        let own = values.iter_mut().take(cells.reducer.owned());
+        for (point, value) in own.enumerate() {
             let extent = cells.extent(point);
             let [low, high] = cells.corners(point);
             let (near, far) = match (through, face.is_upper()) {
@@ -183,15 +178,9 @@ impl PulsedLaser {
             let part = self.left_at(near) - self.left_at(far);
             let power = intensity * part * cells.volume[point] / extent[axis];
             *value += power / cells.volume[point];
-            deposited += power;
+            deposited.add(power);
         }
-        let asked = intensity * area;
-        Deposit {
-            asked,
-            deposited,
-            lost: asked - deposited,
-            ..Deposit::default()
-        }
+        Deposit::of(intensity * area, cells.reducer.total(deposited))
     }
 }
 
@@ -222,7 +211,7 @@ mod tests {
                 for n in 0..steps {
                     let mut values = film.zeros();
                     let [from, to] = [n, n + 1].map(|n| step * f64::from(n));
-                    let deposit = laser.add(&film, from, to, &mut values);
+                    let deposit = laser.add(&film, from, to, 3.0 * 2e-10 * 1e-9, &mut values);
                     assert!(agree(film.power(&values), deposit.deposited));
                     assert!(agree(deposit.deposited + deposit.lost, deposit.asked));
                     energy += deposit.deposited * step;
@@ -243,7 +232,7 @@ mod tests {
         let laser = film_laser("x-");
         let mut values = film.zeros();
         let time = 150e-15;
-        laser.add(&film, time - 1e-18, time + 1e-18, &mut values);
+        laser.add(&film, time - 1e-18, time + 1e-18, 2e-19, &mut values);
         // s at the centre of the sixth cell, 1.1 nm deep
         let expected = 0.94 * 13.4 * 0.07 / (100e-15 * 15.3e-9)
             * (-1.1 / 15.3 - 1.992 * (50.0 / 100.0_f64)).exp();
