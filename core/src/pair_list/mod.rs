@@ -5,7 +5,7 @@
 //! vanish beyond the reach: then results do not depend on when the list was made.
 //!
 //! Where several processes share the bodies, each has the pairs of the points that it owns, with those of other processes that are near
-//! them ([`visitors`]); candidates have the same order in all of them.
+//! them; candidates have the same order in all of them.
 
 mod visitors;
 
