@@ -49,7 +49,7 @@ pub fn left_by(
     let is_used = |property: &str| match property {
         "specific_heat" | "conductivity" | "emissivity" => true,
         _ if OF_SOLID.contains(&property) => has_field("displacement"),
-        _ if OF_LIQUID.contains(&property) => has_field("pressure"),
+        _ if OF_LIQUID.contains(&property) => has_field("pressure") || has_field("melt_velocity"),
         _ => false,
     };
     let mut found = Vec::new();

@@ -17,6 +17,7 @@ mod error;
 mod initial;
 mod initial_fields;
 mod locate;
+mod log_intervals;
 mod memory;
 pub mod of_log;
 mod plugins;
@@ -45,6 +46,7 @@ use toml::de::DeTable;
 pub use compose::StartError;
 pub use error::{CaseError, CaseFile, Mistake};
 pub(crate) use plugins::plugin_names;
+pub(crate) use warnings::provides;
 
 use crate::probe::ProbeSection;
 use locate::{Places, TomlTable};

@@ -32,6 +32,28 @@ const ZERO: f64 = 1.0;
 /// A last row of a table above this (K or °C) means that it is one of hot metal.
 const HOT: f64 = 500.0;
 
+/// A contact angle below this (degrees) may be meant in radians.
+const SMALL_ANGLE: f64 = 3.2;
+
+/// Contact angles that may be meant in radians.
+pub(super) fn small_angles(simulation: &Simulation) -> Vec<String> {
+    let composition = simulation.composition();
+    let couplers = composition["couplers"].as_array().into_iter().flatten();
+    let warning = |(label, coupler): (&str, &serde_json::Value)| {
+        let angle = coupler["contact_angle"].as_f64();
+        let angle = angle.filter(|angle| (1e-3..SMALL_ANGLE).contains(angle))?;
+        let number = unit::number(angle, 5);
+        Some(format!(
+            "{label}: `contact_angle` is {number}; contact angles are in degrees"
+        ))
+    };
+    simulation
+        .coupler_labels()
+        .zip(couplers)
+        .filter_map(warning)
+        .collect()
+}
+
 /// Values of a material at room temperature.
 struct AtRoom {
     density: Option<f64>,
@@ -407,5 +429,49 @@ pub(super) mod tests {
         };
         assert!(waiting("150").contains("waits until the body is colder than 150 K"));
         assert_eq!(waiting("423"), "");
+    }
+
+    const DROP: &str = r#"
+        [bodies.box]
+        dimension = 2
+        spacing = 1e-3
+        shape.box = { min = [0, 0, 0], max = [0.02, 0.01, 1e-3] }
+        material = "water"
+        materials = { drop = "oil" }
+        regions.drop.cylinder = { start = [0.01, 0, 0], end = [0.01, 0, 1e-3], radius = 5e-3 }
+
+        [materials]
+        oil = { density = 900, viscosity = 0.05 }
+        water = { density = 1000, viscosity = 0.01 }
+
+        [[physics]]
+        type = "fluid"
+        description = "eulerian"
+        form = "conservative"
+        state.incompressible = {}
+        fluids = ["oil", "water"]
+        interface = { surface_tension = 0.03 }
+
+        [[couplers]]
+        type = "wall"
+        faces = ["x-", "x+", "y-", "y+"]
+        contact_angle = ANGLE
+
+        [time]
+        end = 1e-3
+    "#;
+
+    #[test]
+    fn contact_angles_in_radians_are_suspected() {
+        let told = |angle: &str| {
+            let text = DROP.replace("ANGLE", angle);
+            let case = Case::parse("drop.toml", text, Path::new(".")).expect("valid");
+            let simulation = case.compose().expect("valid");
+            let found = case.warnings(&simulation).expect("readable");
+            found.iter().any(|w| w.contains("`contact_angle` is"))
+        };
+        for (angle, is_suspected) in [("1.047", true), ("3.1", true), ("0", false), ("60", false)] {
+            assert_eq!(told(angle), is_suspected, "{angle}");
+        }
     }
 }

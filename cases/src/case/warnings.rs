@@ -16,7 +16,7 @@ use super::locate::{TomlTable, TomlValue};
 use super::plugins::PluginTable;
 use super::units;
 use super::volumes;
-use super::{Case, CaseError, Mistake, Result};
+use super::{Case, CaseError, Mistake, Result, log_intervals};
 use crate::unit;
 
 /// Temperatures below this (K) are suspected to be meant in degrees Celsius.
@@ -89,7 +89,9 @@ impl Case {
         found.extend(self.nothing_cools(simulation, &lowest)?);
         found.extend(self.unused_columns(simulation));
         found.extend(self.late_heat(simulation)?);
-        found.extend(logs_at_few_moments_of_pulses(simulation));
+        found.extend(log_intervals::at_few_moments_of_pulses(simulation));
+        found.extend(log_intervals::with_flow_far_apart(simulation));
+        found.extend(units::small_angles(simulation));
         found.extend(self.doubtful_conditions(simulation)?);
         Ok(found)
     }
@@ -170,7 +172,7 @@ impl Case {
 }
 
 /// Whether a plugin provides a field of a body; a field that is only read, where provided, has no values.
-pub(super) fn provides(simulation: &Simulation, body: usize, name: &str) -> bool {
+pub(crate) fn provides(simulation: &Simulation, body: usize, name: &str) -> bool {
     let mut fields = simulation.lasting();
     fields.any(|field| field.body == body && field.name == name)
 }
@@ -235,41 +237,6 @@ impl Case {
         }
         Ok(found)
     }
-}
-
-/// Most moments of a period at which log intervals are compared with it.
-const MOMENTS: u32 = 50;
-
-/// Pulsed sources whose logged states show the same few moments of a period, of which fewer than two lie within a pulse.
-fn logs_at_few_moments_of_pulses(simulation: &Simulation) -> Vec<String> {
-    let log = &simulation.options().log;
-    let intervals = || log.stages.iter().map(|s| s.interval).chain([log.interval]);
-    let composition = simulation.composition();
-    let couplers = composition["couplers"].as_array().into_iter().flatten();
-    let warning = |(label, coupler): (&str, &serde_json::Value)| {
-        let pulse = &coupler["pulse"];
-        let (frequency, duty) = (pulse["frequency"].as_f64()?, pulse["duty"].as_f64()?);
-        let moments = |interval: f64| {
-            let is_repeated = |n: &u32| {
-                let periods = f64::from(*n) * interval * frequency;
-                periods > 0.5 && (periods - periods.round()).abs() < 1e-6 * periods
-            };
-            let moments = (1..=MOMENTS).find(is_repeated)?;
-            (f64::from(moments) * duty < 2.0).then_some((interval, moments))
-        };
-        let (interval, moments) = intervals().find_map(moments)?;
-        let moments = match moments {
-            1 => "the same moment".to_string(),
-            _ => format!("the same {moments} moments"),
-        };
-        let [interval, other] = [interval, 0.97 * interval].map(unit::time_text);
-        Some(format!(
-            "log: with an interval of {interval} all states show {moments} of the pulses of `{label}`, so that temperatures and melt \
-             pools of the pulses may be missing; {other} shows others"
-        ))
-    };
-    let labelled = simulation.coupler_labels().zip(couplers);
-    labelled.filter_map(warning).collect()
 }
 
 /// Damping rate of a mechanical physics with the explicit solver, 1/s.

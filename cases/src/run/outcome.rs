@@ -3,6 +3,7 @@
 use perimelt_core::material::Material;
 use perimelt_core::{Report, Simulation};
 
+use crate::case::provides;
 use crate::tables;
 use crate::unit;
 
@@ -89,7 +90,6 @@ impl RunOutcome {
         facts: &mut Vec<String>,
         warnings: &mut Vec<String>,
     ) {
-        let fields = simulation.observed().fields();
         let evaporates = |r: &Report| r.name == "evaporated.rate";
         let all = simulation.reports();
         let is_evaporation_modelled = all
@@ -101,7 +101,7 @@ impl RunOutcome {
                 continue;
             };
             let range = [self.lowest[index], *peak];
-            let has_field = |name: &str| fields.find(index, name).is_some();
+            let has_field = |name: &str| provides(simulation, index, name);
             let left = tables::left_by(&body.materials, has_field, range);
             let sentence = tables::sentence(&left, range);
             warnings.extend(sentence.map(|s| format!("{}: {s}", body.name)));

@@ -1,4 +1,4 @@
-//! The interface between two fluids and the motion of the first of them at the end, and the flow of melt.
+//! The interface between two fluids and the motion of the first of them, the flow of melt, evaporation, and surfaces below beams.
 
 use perimelt_core::log::{Log, Series};
 
@@ -20,12 +20,119 @@ const INTERFACE: [(&str, &str, &str); 3] = [
     ),
 ];
 
+/// Which of the logged values of a report is told.
+#[derive(Clone, Copy)]
+enum Of {
+    Largest,
+    Least,
+    End,
+}
+
+/// Extremes of reports: the report that tells a plugin which has them, and of each its name, that of what is told, words and SI unit.
+struct Extremes {
+    of_plugins_with: &'static str,
+    told: &'static [(&'static str, Of, &'static str, &'static str, &'static str)],
+}
+
+const EXTREMES: [Extremes; 4] = [
+    Extremes {
+        of_plugins_with: "momentum_to_solid.x",
+        told: &[
+            (
+                "speed.max",
+                Of::Largest,
+                "melt.speed.largest",
+                "largest logged speed of the melt",
+                "m/s",
+            ),
+            (
+                "liquid.volume",
+                Of::Largest,
+                "melt.volume.largest",
+                "largest logged volume of the melt",
+                "m3",
+            ),
+            (
+                "boundary_layer.points",
+                Of::Least,
+                "melt.layer.points",
+                "fewest points across the layer of melt under the surface",
+                "1",
+            ),
+        ],
+    },
+    Extremes {
+        of_plugins_with: "interface.roundness",
+        told: &[(
+            "interface.roundness",
+            Of::Least,
+            "interface.roundness.least",
+            "least logged roundness of the first fluid",
+            "1",
+        )],
+    },
+    Extremes {
+        of_plugins_with: "evaporated.mass",
+        told: &[
+            (
+                "surface.temperature.max",
+                Of::Largest,
+                "evaporation.temperature.largest",
+                "largest logged temperature of the surface",
+                "K",
+            ),
+            (
+                "recoil.max",
+                Of::Largest,
+                "evaporation.recoil.largest",
+                "largest logged recoil pressure",
+                "Pa",
+            ),
+            (
+                "evaporated.mass",
+                Of::End,
+                "evaporation.mass",
+                "evaporated mass",
+                "kg",
+            ),
+            (
+                "evaporated.energy",
+                Of::End,
+                "evaporation.energy",
+                "energy that evaporation takes",
+                "J",
+            ),
+        ],
+    },
+    Extremes {
+        of_plugins_with: "absorptivity",
+        told: &[
+            (
+                "depth",
+                Of::Largest,
+                "depression.depth.largest",
+                "largest logged depth of the surface below the beam",
+                "m",
+            ),
+            (
+                "absorptivity",
+                Of::Largest,
+                "depression.absorptivity.largest",
+                "largest logged absorptivity",
+                "1",
+            ),
+        ],
+    },
+];
+
 /// Numbers of the interfaces between two fluids, and of the first fluid along the axes along which it moved.
 pub(super) fn flow(log: &Log, found: &mut Vec<ReadOff>) {
     let Some(reports) = log.probes().get(REPORTS) else {
         return;
     };
-    melt(reports, found);
+    EXTREMES
+        .iter()
+        .for_each(|extremes| extremes.find(reports, found));
     let column = |name: String| reports.columns.iter().find(|c| c.name == name);
     let suffix = format!(".{}", INTERFACE[0].0);
     let fluids = reports.columns.iter();
@@ -38,10 +145,15 @@ pub(super) fn flow(log: &Log, found: &mut Vec<ReadOff>) {
         for (name, words, unit) in INTERFACE {
             number(name, words.into(), unit);
         }
+        let mut squares = vec![0.0; reports.times.len()];
         for axis in ["x", "y", "z"] {
             let velocity = format!("first_fluid.velocity.{axis}");
             let of_axis = column(format!("{physics}.{velocity}"));
-            if of_axis.is_some_and(|c| c.values.iter().any(|v| *v != 0.0)) {
+            let values = of_axis.map_or(&[][..], |c| &c.values);
+            for (square, value) in squares.iter_mut().zip(values) {
+                *square += value * value;
+            }
+            if values.iter().any(|v| *v != 0.0) {
                 let centre = format!("first_fluid.centre.{axis}");
                 let words =
                     |what: &str| format!("{what} of the first fluid along {axis} at the end");
@@ -49,51 +161,40 @@ pub(super) fn flow(log: &Log, found: &mut Vec<ReadOff>) {
                 number(&velocity, words("mean velocity"), "m/s");
             }
         }
+        let speeds = squares.into_iter().map(f64::sqrt);
+        let fastest = speeds
+            .zip(&reports.times)
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((speed, time)) = fastest.filter(|(speed, _)| *speed > 0.0) {
+            let words = "largest logged speed of the mean motion of the first fluid";
+            let label = Label::new("first_fluid.speed.largest", words);
+            found.push(ReadOff::new(physics, label, speed, "m/s").at(*time));
+        }
     }
 }
 
-/// Largest numbers of melt in the logged states, and how well the points resolve the layer under its surface.
-fn melt(reports: &Series, found: &mut Vec<ReadOff>) {
-    const SPEED: &str = "speed.max";
-    const LAYER: &str = "boundary_layer.points";
-    let melts = |name: &str| name.strip_suffix(".momentum_to_solid.x").map(String::from);
-    for physics in reports.columns.iter().filter_map(|c| melts(&c.name)) {
-        let values = |name: &str| {
-            let name = format!("{physics}.{name}");
-            let column = reports.columns.iter().find(|c| c.name == name);
-            let values = column.map_or(&[][..], |column| &column.values);
-            let positive = move |(value, _): &(f64, f64)| *value > 0.0;
-            values
-                .iter()
-                .copied()
-                .zip(reports.times.iter().copied())
-                .filter(positive)
-        };
-        let largest = |name: &str| values(name).max_by(|a, b| a.0.total_cmp(&b.0));
-        let least = values(LAYER).min_by(|a, b| a.0.total_cmp(&b.0));
-        for (id, words, unit, number) in [
-            (
-                "melt.speed.largest",
-                "largest logged speed of the melt",
-                "m/s",
-                largest(SPEED),
-            ),
-            (
-                "melt.volume.largest",
-                "largest logged volume of the melt",
-                "m3",
-                largest("liquid.volume"),
-            ),
-            (
-                "melt.layer.points",
-                "fewest points across the layer of melt under the surface",
-                "1",
-                least,
-            ),
-        ] {
-            let read_off =
-                |(value, time)| ReadOff::new(&physics, Label::new(id, words), value, unit).at(time);
-            found.extend(number.map(read_off));
+impl Extremes {
+    /// Positive numbers of all plugins that have them.
+    fn find(&self, reports: &Series, found: &mut Vec<ReadOff>) {
+        let suffix = format!(".{}", self.of_plugins_with);
+        let columns = reports.columns.iter();
+        for plugin in columns.filter_map(|c| c.name.strip_suffix(&suffix)) {
+            for &(name, of, id, words, unit) in self.told {
+                let name = format!("{plugin}.{name}");
+                let column = reports.columns.iter().find(|c| c.name == name);
+                let values = column.map_or(&[][..], |column| &column.values);
+                let values = values.iter().copied().zip(reports.times.iter().copied());
+                let mut positive = values.filter(|(value, _)| *value > 0.0);
+                let number = match of {
+                    Of::Largest => positive.max_by(|a, b| a.0.total_cmp(&b.0)),
+                    Of::Least => positive.min_by(|a, b| a.0.total_cmp(&b.0)),
+                    Of::End => positive.next_back(),
+                };
+                let read_off = |(value, time)| {
+                    ReadOff::new(plugin, Label::new(id, words), value, unit).at(time)
+                };
+                found.extend(number.map(read_off));
+            }
         }
     }
 }
@@ -215,5 +316,10 @@ interval = 0.01
         let jump = number("interface.pressure_jump.end").expect("two fluids");
         assert!(jump > 0.0, "{jump}");
         assert!(number("velocity.end").is_some());
+        let fastest = number("first_fluid.speed.largest").expect("it moves");
+        assert!((speed..0.011).contains(&fastest), "{fastest}");
+        let end = number("interface.roundness.end").expect("two fluids");
+        let least = number("interface.roundness.least").expect("two fluids");
+        assert!((0.9..=end).contains(&least), "{least}");
     }
 }

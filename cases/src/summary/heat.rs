@@ -21,6 +21,7 @@ pub(super) fn sources(log: &Log, found: &mut Vec<ReadOff>) -> Result<(), LogErro
     let sources: Vec<&str> = names
         .filter_map(|name| name.strip_suffix(".energy.asked"))
         .collect();
+    let cell = finest_cell(log);
     for &source in &sources {
         let reports = SourceReports { series, source };
         let is_of_source = |d: &&Deposited| match &d.source {
@@ -30,10 +31,16 @@ pub(super) fn sources(log: &Log, found: &mut Vec<ReadOff>) -> Result<(), LogErro
         let deposited = deposits.iter().filter(is_of_source);
         let heat = deposited.map(|d| d.heat).sum::<f64>();
         energies(&reports, found);
-        energy_per_length(&reports, heat, found);
+        energy_per_length(&reports, cell, heat, found);
         interpass_temperatures(&reports, found);
     }
     Ok(())
+}
+
+/// The finest spacing of the bodies, m: a source that goes less far stands still.
+pub(super) fn finest_cell(log: &Log) -> f64 {
+    let spacings = log.run().bodies.iter().map(|body| body.spacing);
+    spacings.fold(f64::INFINITY, f64::min)
 }
 
 /// Energy deposited in the mirrored part of the body, J.
@@ -60,10 +67,16 @@ fn energies(reports: &SourceReports<'_>, found: &mut Vec<ReadOff>) {
     }
 }
 
-/// Energy per length of the path, without and with the heat (J) of the deposited metal.
-fn energy_per_length(reports: &SourceReports<'_>, metal_heat: f64, found: &mut Vec<ReadOff>) {
+/// Energy per length of the path, without and with the heat (J) of the deposited metal; `cell` is the finest spacing, m.
+fn energy_per_length(
+    reports: &SourceReports<'_>,
+    cell: f64,
+    metal_heat: f64,
+    found: &mut Vec<ReadOff>,
+) {
     let source = reports.source;
-    let path = reports.last("path").filter(|path| *path > 0.0);
+    // a path within a cell stands for a source at rest
+    let path = reports.last("path").filter(|path| *path > cell);
     let (Some(deposited), Some(path)) = (reports.last("energy.deposited"), path) else {
         return;
     };

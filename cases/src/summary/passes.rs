@@ -5,6 +5,7 @@
 
 use perimelt_core::log::{BodyInfo, Log, LogError, Series};
 
+use super::heat::finest_cell;
 use super::{Label, ReadOff, SIZES, median};
 use crate::log_file::{plugins_of, skip_damaged};
 use crate::log_names::REPORTS;
@@ -179,6 +180,7 @@ pub(super) fn heat_input(log: &Log, passes: &[Pass], found: &mut Vec<ReadOff>) {
     let Some(series) = log.probes().get(REPORTS) else {
         return;
     };
+    let cell = finest_cell(log);
     for pass in passes {
         let source = &*pass.source;
         let reports = SourceReports { series, source };
@@ -188,7 +190,7 @@ pub(super) fn heat_input(log: &Log, passes: &[Pass], found: &mut Vec<ReadOff>) {
             continue;
         };
         let energy = energy + within("energy.mirrored").unwrap_or(0.0);
-        if let Some(path) = within("path").filter(|path| *path > 0.0) {
+        if let Some(path) = within("path").filter(|path| *path > cell) {
             let name = Label::new(
                 format!("pass.{}.energy_per_length", pass.number),
                 format!("pass {}: energy deposited per length", pass.number),
