@@ -26,7 +26,7 @@ const OF_SOLID: [&str; 12] = [
 ];
 
 /// Properties of the liquid only.
-const OF_LIQUID: [&str; 2] = ["viscosity", "surface_tension"];
+const OF_LIQUID: [&str; 3] = ["viscosity", "surface_tension", "liquid_expansion"];
 
 /// A table that a run left.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +56,8 @@ pub fn left_by(
     for material in materials {
         let constant = |name: &str| material.constant(name).ok();
         let solidus = constant("solidus").unwrap_or(f64::INFINITY);
+        // what does not melt is a liquid where its properties are asked for
+        let liquid_from = constant("solidus").unwrap_or(0.0);
         let properties = material.properties().iter();
         let used = properties.filter(|(name, _)| is_used(name));
         let used = used.flat_map(|(name, given)| given.values().iter().map(move |p| (name, p)));
@@ -67,14 +69,14 @@ pub fn left_by(
                     (
                         format!("{name}.liquid"),
                         &**liquid,
-                        [solidus, f64::INFINITY],
+                        [liquid_from, f64::INFINITY],
                     ),
                 ],
                 plain if OF_SOLID.contains(&name.as_str()) => {
                     vec![(name.clone(), plain, [0.0, solidus])]
                 }
                 plain if OF_LIQUID.contains(&name.as_str()) => {
-                    vec![(name.clone(), plain, [solidus, f64::INFINITY])]
+                    vec![(name.clone(), plain, [liquid_from, f64::INFINITY])]
                 }
                 plain => vec![(name.clone(), plain, [0.0, f64::INFINITY])],
             };

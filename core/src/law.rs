@@ -407,6 +407,16 @@ impl Constants {
         })
     }
 
+    /// Those of the liquid, where they depend on the phase.
+    pub fn of_liquid(mut self) -> Self {
+        for constant in &mut self.properties {
+            if let ConstantOf::Given(property) = constant {
+                *property = property.map(|of_phase| of_phase.of_liquid().clone());
+            }
+        }
+        self
+    }
+
     /// The constants, where each is one number for all materials.
     ///
     /// # Errors

@@ -57,11 +57,12 @@ pub struct TensionLaw {
 }
 
 impl SurfaceTension {
-    /// The law of a material with this property `surface_tension`, which counts for [`SurfaceTension::Material`] only.
+    /// The law of a material with this property `surface_tension`, which counts for [`SurfaceTension::Material`] only; that of the liquid, where it
+    /// depends on the phase.
     pub fn with_property(self, property: Property) -> TensionLaw {
         TensionLaw {
             law: self,
-            property,
+            property: property.of_liquid().clone(),
             reference_temperature: 0.0,
         }
     }
@@ -203,6 +204,23 @@ mod tests {
         }
         assert_eq!(slope(0.0, 2000.0), CLEAN);
         assert!((with(0.0).value(1909.0) - 1.9).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_tension_by_phase_is_that_of_the_liquid() {
+        let table = || {
+            let table = Table::new(vec![1700.0, 2700.0], vec![1.8, 1.4]);
+            Box::new(Property::Table(table.expect("valid rows")))
+        };
+        let solid = Box::new(Property::Constant(2.0));
+        let by_phase = Property::ByPhase {
+            solid,
+            liquid: table(),
+        };
+        let laws = [*table(), by_phase].map(|p| SurfaceTension::Material.with_property(p));
+        let [plain, by_phase] = laws.map(|law| (law.value(2200.0), law.slope(2200.0)));
+        assert_eq!(plain, by_phase);
+        assert!(plain.1 < 0.0);
     }
 
     /// Their difference is the integral of the slope.

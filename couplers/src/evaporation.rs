@@ -21,7 +21,7 @@ use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::numbers::check_within;
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::reduce::sum_points;
-use perimelt_core::world::{BodyIndex, HeatedInterface, TwoFluids};
+use perimelt_core::world::{BodyIndex, LayerSideBySide, TwoFluids};
 use perimelt_core::{
     Body, Coupler, Face, LoadError, Prepared, Read, Report, RunError, RunningCoupler, SavedState,
     Setup, SetupError, Step, World, Write, keys,
@@ -153,7 +153,7 @@ fn neighbours(body: &Body) -> Vec<[[u32; 2]; 3]> {
 impl Coupler for Evaporation {
     fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        setup.publish(body, HeatedInterface)
+        setup.publish(body, LayerSideBySide)
     }
 
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {

@@ -81,7 +81,8 @@ impl Coupler for PhaseChange {
             mushy_capacity: self.mushy_capacity,
             form: self.form,
         };
-        setup.publish(body, change)
+        setup.publish(body, change)?;
+        setup.publish(body, world::LayerSideBySide)
     }
 
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {

@@ -3,7 +3,7 @@
 use std::cell::Ref;
 
 use perimelt_core::material::mixed_conductivity;
-use perimelt_core::world::{BodyIndex, HeatedInterface, TwoFluids};
+use perimelt_core::world::{BodyIndex, LayerSideBySide, TwoFluids};
 use perimelt_core::{Body, Read, Setup, SetupError, World, keys};
 
 /// How properties of a point follow from its materials: each point has one, or two fluids flow through the points.
@@ -41,7 +41,7 @@ impl PointMaterials {
             Some(materials) => Some(FlowingFluids {
                 materials,
                 fraction: setup.read(body, &keys::FLUID_FRACTION)?,
-                is_heated: setup.facts::<HeatedInterface>(body).next().is_some(),
+                is_heated: setup.facts::<LayerSideBySide>(body).next().is_some(),
             }),
         };
         Ok(PointMaterials { fluids })

@@ -49,11 +49,44 @@ impl Case {
                 }
             }
             for (field, initial) in &section.initial {
-                mistakes.collect(self.set_field(simulation, target, field, initial));
+                let set = self.set_field(simulation, target, field, initial);
+                mistakes.collect(set.and_then(|()| self.check_axes(simulation, target, field)));
             }
             mistakes.collect(self.orient_plies(simulation, target));
         }
         mistakes.finish(())
+    }
+
+    /// Refuses motion along axes that a body does not have.
+    fn check_axes(
+        &self,
+        simulation: &Simulation,
+        TargetBody { index, name, .. }: TargetBody<'_>,
+        field: &str,
+    ) -> Result<()> {
+        if !["displacement", "velocity"].contains(&field) {
+            return Ok(());
+        }
+        let world = simulation.world();
+        let (dimension, fields) = (world.body(index).dimension, world.fields());
+        let Some(found) = fields.find(index, field) else {
+            return Ok(());
+        };
+        let data = fields.field(found).data();
+        let (vectors, _) = data.flat().as_chunks::<3>();
+        let axes = dimension..3;
+        let found = axes.map(|axis| (axis, vectors.iter().find(|v| v[axis] != 0.0)));
+        match found.filter_map(|(axis, v)| Some((axis, v?[axis]))).next() {
+            None => Ok(()),
+            Some((axis, value)) => {
+                let axis = ["x", "y", "z"][axis];
+                let message = format!(
+                    "the initial `{field}` is {value} along {axis} in body `{name}` of {dimension} dimensions"
+                );
+                let expected = format!("expected zero along {axis}");
+                Err(self.body_error(&[name, "initial", field], message, &expected))
+            }
+        }
     }
 
     /// Turns the material of a lay-up about z by the angles of its plies, where a plugin reads its orientation.
@@ -234,4 +267,47 @@ impl Case {
 fn names_of(simulation: &Simulation, body: usize) -> Vec<String> {
     let fields = simulation.initial().filter(|f| f.body == body);
     fields.map(|f| f.name.clone()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::case::Case;
+
+    const BAR: &str = r#"
+[bodies.bar]
+shape.box = { min = [0, 0, 0], max = [0.02, 0.004, 1e-3] }
+dimension = 2
+spacing = 1e-3
+material = "steel"
+initial.velocity = VELOCITY
+
+[materials.steel]
+density = 7800
+youngs_modulus = 2e11
+poissons_ratio = 0.3333333333333333
+
+[[physics]]
+type = "mechanical"
+solver.explicit = {}
+
+[time]
+end = 1e-6
+"#;
+
+    #[test]
+    fn bodies_do_not_move_along_axes_that_they_lack() {
+        let told = |velocity: &str| {
+            let text = BAR.replace("VELOCITY", velocity);
+            let case = Case::parse("bar.toml", text, Path::new(".")).expect("valid");
+            case.compose().err().map(|error| error.render(false))
+        };
+        assert!(told("[1, 2, 0]").is_none());
+        for velocity in ["[1, 2, 30]", "[\"x\", 0, \"1500 * x\"]"] {
+            let told = told(velocity).expect(velocity);
+            let expected = "along z in body `bar` of 2 dimensions";
+            assert!(told.contains(expected), "{told}");
+        }
+    }
 }

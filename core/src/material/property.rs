@@ -69,6 +69,14 @@ impl Property {
         }
     }
 
+    /// That of the liquid, where it depends on the phase.
+    pub fn of_liquid(&self) -> &Property {
+        match self {
+            Self::ByPhase { liquid, .. } => liquid,
+            same => same,
+        }
+    }
+
     /// Whether it depends on neither temperature nor phase.
     pub fn is_constant(&self) -> bool {
         self.constant().is_some()

@@ -131,12 +131,13 @@ impl TwoFluids {
     }
 }
 
-/// Something heats the interface of two fluids of a body, or takes heat from it, such as a beam or evaporation: the heat must reach the fluids from
-/// inside of the layer between them.
+/// The fluids of the layer between two fluids of a body conduct heat side by side: something heats the interface or takes heat from it, such as a beam
+/// or evaporation, so that the heat must reach them from inside of the layer, or the first one is metal that melts, which conducts along its surface much better
+/// than the gas.
 #[derive(Clone, Copy, Debug)]
-pub struct HeatedInterface;
+pub struct LayerSideBySide;
 
-impl Fact for HeatedInterface {}
+impl Fact for LayerSideBySide {}
 
 /// The surface tension of a fluid along a flat face, which drives it where the temperature changes.
 #[derive(Clone, Copy, Debug, PartialEq)]

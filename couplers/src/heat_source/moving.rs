@@ -8,7 +8,7 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 use perimelt_core::numbers::check_at_least;
-use perimelt_core::world::{BodyIndex, HeatedInterface};
+use perimelt_core::world::{BodyIndex, LayerSideBySide};
 use perimelt_core::{
     Change, LoadError, Prepared, Read, Report, RunError, RunningCoupler, SavedState, Setup,
     SetupError, Step, StepLimits, Stepping, World, Write, flattened, keys, shared_keys,
@@ -140,7 +140,7 @@ impl<S: SourceShape> MovingSource<S> {
         setup.share(path);
         if self.shape.absorber() == Some(Absorber::Interface) {
             let body = setup.find_body(self.target.body.as_deref())?;
-            setup.publish(body, HeatedInterface)?;
+            setup.publish(body, LayerSideBySide)?;
         }
         Ok(())
     }

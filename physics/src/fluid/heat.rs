@@ -1,7 +1,7 @@
 //! Heat that a fluid that keeps its volume carries: its fields.
 
 use perimelt_core::material::EnthalpyCurve;
-use perimelt_core::world::{BodyIndex, FaceTension, HeatedInterface, TwoFluids};
+use perimelt_core::world::{BodyIndex, FaceTension, LayerSideBySide, TwoFluids};
 use perimelt_core::{Access, Read, Setup, SetupError, TensionLaw, World, Write, keys};
 
 use super::eulerian::projection::heat::HeatedFluid;
@@ -93,7 +93,7 @@ fn layered_conductivity(
     body: BodyIndex,
     curves: &[EnthalpyCurve],
 ) -> Result<Option<LayeredConductivity>, SetupError> {
-    let is_heated_inside = setup.facts::<HeatedInterface>(body).next().is_some();
+    let is_heated_inside = setup.facts::<LayerSideBySide>(body).next().is_some();
     let fluids = setup.facts::<TwoFluids>(body).next();
     let materials = fluids.and_then(|fluids| fluids.indices(setup.body(body)));
     let Some(materials) = materials.filter(|_| !is_heated_inside) else {

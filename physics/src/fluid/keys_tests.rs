@@ -295,7 +295,7 @@ fn laws_of_the_shear_rate_need_forces_that_balance_and_points_that_do_not_follow
         ("newtonian = {}", FOLLOWING, None),
     ] {
         let law = read::<Table>(&format!("viscosity.{law}")).viscosity;
-        let viscosity = Viscosity::new(Some(law), &paste).expect("valid");
+        let viscosity = Viscosity::new(Some(law), &paste, false).expect("valid");
         let keys = keys(&paste, table).expect("valid");
         let found = keys.check_viscosity(&viscosity).err().map(|e| e.key);
         assert_eq!(found.as_deref(), at_fault, "{table}");

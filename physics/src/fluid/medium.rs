@@ -100,7 +100,7 @@ mod tests {
                 background: 0.0,
             }),
         };
-        let viscosity = Viscosity::new(None, &water).expect("a viscosity");
+        let viscosity = Viscosity::new(None, &water, false).expect("a viscosity");
         let medium = Medium::new(tait, viscosity, vec![2.0], vec![0.5]);
         assert_eq!(medium.sound_diffusivity(0), 10.0);
         assert_eq!(medium.smoothing_length(0), 0.6);

@@ -1,6 +1,6 @@
 //! Set-up of a fluid: fields, family, points, properties.
 
-use perimelt_core::world::{BodyIndex, LayersHandle};
+use perimelt_core::world::{BodyIndex, LayersHandle, PhaseChange};
 use perimelt_core::{
     Access, Body, Face, FamilySpec, Influence, Pddo, Setup, SetupError, SlotField, TensionLaw,
     World, Write, keys,
@@ -263,7 +263,8 @@ fn prepare_medium(
     body: BodyIndex,
 ) -> Result<Medium, SetupError> {
     let this = setup.body(body);
-    let viscosity = Viscosity::new(fluid.viscosity.take(), this)?;
+    let freezes = setup.facts::<PhaseChange>(body).next().is_some();
+    let viscosity = Viscosity::new(fluid.viscosity.take(), this, freezes)?;
     let density = setup.world().density_at_points(body)?;
     let spacing = this.points.spacing.clone();
     Ok(Medium::new(

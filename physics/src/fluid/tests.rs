@@ -68,7 +68,7 @@ impl MirroredBox<'_> {
             ..Pddo::spec(Horizon::Spacings(self.horizon))
         };
         let family = Arc::new(Family::build(&body, &spec).expect("a family"));
-        let viscosity = Viscosity::new(None, &body).expect("a viscosity");
+        let viscosity = Viscosity::new(None, &body, false).expect("a viscosity");
         let state = Law { name, law: state };
         let points = body.points.len();
         let rules = mirrored.iter().map(|f| LayerRule {

@@ -3,7 +3,7 @@
 use std::cell::Ref;
 
 use perimelt_core::material::{EnthalpyCurve, Property, mixed_conductivity};
-use perimelt_core::world::{BodyIndex, HeatedInterface, TwoFluids};
+use perimelt_core::world::{BodyIndex, LayerSideBySide, TwoFluids};
 use perimelt_core::{Read, Setup, SetupError, World, keys};
 
 use super::run::RunningThermal;
@@ -17,7 +17,7 @@ pub(super) struct MixedFluids {
     /// Fraction of the first one.
     pub(super) fraction: Read<f64>,
     /// Whether the layer between them is heated from inside.
-    has_heated_interface: bool,
+    conducts_side_by_side: bool,
 }
 
 impl MixedFluids {
@@ -34,7 +34,7 @@ impl MixedFluids {
         Ok(Some(MixedFluids {
             materials,
             fraction: setup.read(body, &keys::FLUID_FRACTION)?,
-            has_heated_interface: setup.facts::<HeatedInterface>(body).next().is_some(),
+            conducts_side_by_side: setup.facts::<LayerSideBySide>(body).next().is_some(),
         }))
     }
 
@@ -105,7 +105,7 @@ impl MixedConductivity {
             materials: fluids.materials,
             largest,
             first: curves[fluids.materials[0] as usize].clone(),
-            is_parallel: fluids.has_heated_interface,
+            is_parallel: fluids.conducts_side_by_side,
             fraction: vec![0.0; points],
         }
     }

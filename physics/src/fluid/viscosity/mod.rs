@@ -47,13 +47,14 @@ pub(super) struct Viscosity {
 }
 
 impl Viscosity {
-    /// The viscosity of a body by the law that the keys of a fluid choose; Newtonian when they choose none.
+    /// The viscosity of a body by the law that the keys of a fluid choose; Newtonian when they choose none. A fluid that does not freeze is liquid.
     ///
     /// # Errors
     /// Keys of the law that make no sense, or a material without one of its constants.
     pub(super) fn new(
         law: Option<Law<dyn ViscositySweep>>,
         body: &Body,
+        freezes: bool,
     ) -> Result<Self, SetupError> {
         let newtonian = || Law::<dyn ViscositySweep> {
             name: "newtonian",
@@ -63,6 +64,10 @@ impl Viscosity {
         let key = law.key();
         law.law.check().map_err(|e| e.below(&key))?;
         let constants = Constants::of(body, &key, &key, law.law.constants())?;
+        let constants = match freezes {
+            true => constants,
+            false => constants.of_liquid(),
+        };
         let needs_shear_rate = law.law.needs_shear_rate();
         let largest = (0..body.materials.len()).map(|material| {
             let mut values = vec![0.0; law.law.constants().len()];

@@ -39,7 +39,7 @@ fn a_newtonian_viscosity_is_that_of_the_material_and_the_temperature_of_a_point(
     ] {
         let keys = values.map(|value| format!("viscosity = {value}"));
         let body = body([&keys[0], &keys[1]]);
-        let mut viscosity = Viscosity::new(None, &body).expect("valid");
+        let mut viscosity = Viscosity::new(None, &body, false).expect("valid");
         assert_eq!(viscosity.varies, varies, "{values:?}");
         assert_eq!(viscosity.depends_on_temperature(), by_temperature);
         assert_eq!(viscosity.value, at_first, "{values:?}");
@@ -49,6 +49,17 @@ fn a_newtonian_viscosity_is_that_of_the_material_and_the_temperature_of_a_point(
         let largest = if by_temperature { 8.0 } else { hot[1] };
         assert_eq!([0, 1].map(|m| viscosity.largest(m)), [3.0, largest]);
     }
+}
+
+/// A fluid that does not freeze is liquid; one that does has the liquid fraction of its temperature.
+#[test]
+fn a_viscosity_by_phase_is_that_of_the_liquid_unless_the_fluid_freezes() {
+    let body = body(["viscosity = { solid = 100, liquid = 3 }", "viscosity = 5"]);
+    let liquid = Viscosity::new(None, &body, false).expect("valid");
+    assert_eq!(liquid.value, [3.0, 5.0, 3.0]);
+    assert!(!liquid.depends_on_temperature());
+    let freezing = Viscosity::new(None, &body, true).expect("valid");
+    assert!(freezing.depends_on_temperature());
 }
 
 /// `K g^(n-1)` and `t_y / g + K g^(n-1)`, up to the largest viscosity, also at rest.
@@ -81,7 +92,7 @@ fn laws_of_the_shear_rate_are_bounded() {
         let material = format!("consistency = 2\n{material}");
         let body = body([&material, &material]);
         let law = law(&format!("{keys} = {{ largest = 50 }}"));
-        let mut viscosity = Viscosity::new(Some(law), &body).expect("valid");
+        let mut viscosity = Viscosity::new(Some(law), &body, false).expect("valid");
         assert!(viscosity.varies && viscosity.needs_shear_rate());
         assert_eq!(viscosity.largest(1), 50.0);
         viscosity.shear.value = at.map(|(rate, _)| rate).into();
@@ -109,12 +120,12 @@ fn mistakes_name_law_material_and_key() {
             "`consistency`",
         ),
     ] {
-        let error = Viscosity::new(Some(law(keys)), &water).expect_err(keys);
+        let error = Viscosity::new(Some(law(keys)), &water, false).expect_err(keys);
         assert_eq!(error.key, key);
         assert!(error.to_string().contains(message), "{error}");
     }
     let dry = body(["", "viscosity = 1"]);
-    let error = Viscosity::new(None, &dry).expect_err("no viscosity");
+    let error = Viscosity::new(None, &dry, false).expect_err("no viscosity");
     assert!(error.to_string().contains("`viscosity`"), "{error}");
 }
 

@@ -32,6 +32,15 @@ impl Walls {
         family: &Family,
         complete: &CompleteFamily,
     ) -> Result<(), SetupError> {
+        if complete.content == 0.0 {
+            let message =
+                "bonds as long as the horizon have no weight, so that points have no families";
+            return Err(SetupError::value(
+                "horizon",
+                message,
+                "at least 1.5 (spacings)",
+            ));
+        }
         let fluid = setup.body(body);
         for wall in &mut self.bodies {
             let solid = setup.body(wall.wall.other);
