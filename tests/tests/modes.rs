@@ -14,14 +14,14 @@ use toml::{Table, Value};
 
 /// Bodies of more points than this, at the coarsest spacing that a case can have, are left out; a point of
 /// a cloud counts for ten, as its sums are slow and its equilibria take many.
-const POINTS: usize = 20_000;
+const POINTS: usize = 40_000;
 /// Macro steps of a short run; a state is logged after every second one.
 const STEPS: f64 = 8.0;
 /// Most steps of the physics with the shortest ones: a step of heat can be ten thousand of waves.
 const SUB_STEPS: f64 = 200.0;
 
 /// Every so many kinds are shared by processes, which takes longer than all other modes together.
-const SHARED: usize = 8;
+const SHARED: usize = 4;
 /// Every so many kinds are run with both stores, to a tolerance that takes as long as the rest.
 const STORES: usize = 3;
 
