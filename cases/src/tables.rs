@@ -55,9 +55,9 @@ pub fn left_by(
     let mut found = Vec::new();
     for material in materials {
         let constant = |name: &str| material.constant(name).ok();
-        let solidus = constant("solidus").unwrap_or(f64::INFINITY);
-        // what does not melt is a liquid where its properties are asked for
-        let liquid_from = constant("solidus").unwrap_or(0.0);
+        // what does not melt has properties of the solid and of the liquid at all temperatures
+        let solidus = constant("solidus");
+        let (solidus, liquid_from) = (solidus.unwrap_or(f64::INFINITY), solidus.unwrap_or(0.0));
         let properties = material.properties().iter();
         let used = properties.filter(|(name, _)| is_used(name));
         let used = used.flat_map(|(name, given)| given.values().iter().map(move |p| (name, p)));

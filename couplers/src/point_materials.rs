@@ -18,8 +18,8 @@ struct FlowingFluids {
     materials: [u16; 2],
     /// Volume of the first one over that of the point.
     fraction: Read<f64>,
-    /// Whether the layer between them is heated from inside.
-    is_heated: bool,
+    /// Whether they conduct side by side in the layer between them.
+    conduct_side_by_side: bool,
 }
 
 /// The materials of the points at a time.
@@ -41,7 +41,7 @@ impl PointMaterials {
             Some(materials) => Some(FlowingFluids {
                 materials,
                 fraction: setup.read(body, &keys::FLUID_FRACTION)?,
-                is_heated: setup.facts::<LayerSideBySide>(body).next().is_some(),
+                conduct_side_by_side: setup.facts::<LayerSideBySide>(body).next().is_some(),
             }),
         };
         Ok(PointMaterials { fluids })
@@ -102,7 +102,7 @@ impl PresentMaterials<'_> {
             None => of(usize::from(self.material[point])),
             Some((fluids, fraction)) => {
                 let both = fluids.materials.map(|m| of(usize::from(m)));
-                mixed_conductivity(both, fraction[point], fluids.is_heated)
+                mixed_conductivity(both, fraction[point], fluids.conduct_side_by_side)
             }
         }
     }

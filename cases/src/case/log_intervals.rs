@@ -51,16 +51,13 @@ const FAR: f64 = 3.0;
 /// Bodies whose metal flows and whose stress is found at logged states only, with a torch that goes far from one to the next.
 pub(super) fn with_flow_far_apart(simulation: &Simulation) -> Vec<String> {
     let composition = simulation.composition();
-    let list = |key: &str| composition[key].as_array().cloned().unwrap_or_default();
+    let list = |key: &str| composition[key].as_array().into_iter().flatten();
     let longest = intervals(simulation).into_iter().fold(0.0, f64::max);
     let speed_of = |coupler: &serde_json::Value| {
         let mut kinds = coupler["toolpath"].as_object()?.values();
         kinds.find_map(|path| path["speed"].as_f64())
     };
-    let speeds = list("couplers")
-        .iter()
-        .filter_map(speed_of)
-        .fold(0.0, f64::max);
+    let fastest = list("couplers").filter_map(speed_of).fold(0.0, f64::max);
     let bodies = simulation.observed().bodies();
     let is_rare = |physics: &serde_json::Value| {
         let name = physics["body"].as_str();
@@ -72,9 +69,9 @@ pub(super) fn with_flow_far_apart(simulation: &Simulation) -> Vec<String> {
     };
     let warning = |body: usize| {
         let body = &bodies[body];
-        let spacings = longest * speeds / body.coarsest_spacing();
+        let spacings = longest * fastest / body.coarsest_spacing();
         (spacings > FAR).then(|| {
-            let [first, last] = [1.0, 2.0].map(|n| unit::time_text(n * body.coarsest_spacing() / speeds));
+            let [first, last] = [1.0, 2.0].map(|n| unit::time_text(n * body.coarsest_spacing() / fastest));
             format!(
                 "log: the torch advances by {} spacings between two solutions of the stress of body `{}` (`update = \"log\"`), on which \
                  residual stress and distortion of metal that flows depend; intervals of {first} to {last} while it moves give one or two",
@@ -83,18 +80,13 @@ pub(super) fn with_flow_far_apart(simulation: &Simulation) -> Vec<String> {
             )
         })
     };
-    let rare = list("physics")
-        .iter()
-        .filter_map(is_rare)
-        .collect::<Vec<usize>>();
-    rare.into_iter().filter_map(warning).collect()
+    let rare = list("physics").filter_map(is_rare);
+    rare.filter_map(warning).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
-    use crate::case::Case;
+    use crate::case::units::tests::warnings_of;
 
     const WELD: &str = r#"
 [bodies.plate]
@@ -147,15 +139,9 @@ end = 4
 interval = 1
 "#;
 
-    fn told(text: &str) -> Vec<String> {
-        let case = Case::parse("weld.toml", text.into(), Path::new(".")).expect("valid");
-        let simulation = case.compose().expect("valid");
-        case.warnings(&simulation).expect("readable")
-    }
-
     #[test]
     fn stress_of_flowing_metal_is_found_every_few_spacings() {
-        let found = told(WELD);
+        let found = warnings_of(WELD);
         let expected = "advances by 4 spacings between two solutions of the stress of body `plate`";
         assert!(found.len() == 1 && found[0].contains(expected), "{found:?}");
         assert!(
@@ -167,7 +153,7 @@ interval = 1
             ("update = \"log\"", "update = \"step\""),
             ("plasticity = {}\n", ""),
         ] {
-            let found = told(&WELD.replace(right, other));
+            let found = warnings_of(&WELD.replace(right, other));
             assert!(found.is_empty(), "{other}: {found:?}");
         }
     }

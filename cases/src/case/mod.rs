@@ -46,6 +46,8 @@ use toml::de::DeTable;
 pub use compose::StartError;
 pub use error::{CaseError, CaseFile, Mistake};
 pub(crate) use plugins::plugin_names;
+#[cfg(test)]
+pub(crate) use units::tests::DROP;
 pub(crate) use warnings::provides;
 
 use crate::probe::ProbeSection;

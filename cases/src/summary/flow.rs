@@ -203,45 +203,9 @@ impl Extremes {
 mod tests {
     use perimelt_core::log::Log;
 
-    use crate::case::Case;
+    use crate::case::{Case, DROP};
     use crate::run::{Options, run};
     use crate::summary::{ReadOff, SummaryOptions, read_off};
-
-    const DROP: &str = r#"
-[bodies.box]
-dimension = 2
-spacing = 1e-3
-shape.box = { min = [0, 0, 0], max = [0.02, 0.02, 1e-3] }
-material = "water"
-materials = { drop = "oil" }
-regions.drop.cylinder = { start = [0.01, 0.01, 0], end = [0.01, 0.01, 1e-3], radius = 5e-3 }
-initial.velocity = ["0.01", "0", "0"]
-periodic = ["x"]
-
-[materials.oil]
-density = 900
-viscosity = 0.05
-
-[materials.water]
-density = 1000
-viscosity = 0.01
-
-[[physics]]
-type = "fluid"
-description = "eulerian"
-form = "conservative"
-state.incompressible = {}
-fluids = ["oil", "water"]
-interface = { surface_tension = 0.03 }
-
-[[couplers]]
-type = "wall"
-faces = ["y-", "y+"]
-kind = "slip"
-
-[time]
-end = 1e-3
-"#;
 
     /// What is told of a run.
     fn told(text: &str) -> Vec<ReadOff> {

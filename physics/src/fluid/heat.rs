@@ -87,16 +87,16 @@ impl HeatedFluid {
     }
 }
 
-/// Conductivities of two fluids between which heat flows across the interface; none where the layer between them is heated from inside.
+/// Conductivities of two fluids between which heat flows across the interface; none where those of the layer between them conduct side by side.
 fn layered_conductivity(
     setup: &Setup<'_>,
     body: BodyIndex,
     curves: &[EnthalpyCurve],
 ) -> Result<Option<LayeredConductivity>, SetupError> {
-    let is_heated_inside = setup.facts::<LayerSideBySide>(body).next().is_some();
+    let conducts_side_by_side = setup.facts::<LayerSideBySide>(body).next().is_some();
     let fluids = setup.facts::<TwoFluids>(body).next();
     let materials = fluids.and_then(|fluids| fluids.indices(setup.body(body)));
-    let Some(materials) = materials.filter(|_| !is_heated_inside) else {
+    let Some(materials) = materials.filter(|_| !conducts_side_by_side) else {
         return Ok(None);
     };
     let of_materials = setup.world().property(body, "conductivity")?;

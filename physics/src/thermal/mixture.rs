@@ -16,7 +16,7 @@ pub(super) struct MixedFluids {
     pub(super) materials: [u16; 2],
     /// Fraction of the first one.
     pub(super) fraction: Read<f64>,
-    /// Whether the layer between them is heated from inside.
+    /// Whether they conduct side by side in the layer between them.
     conducts_side_by_side: bool,
 }
 
