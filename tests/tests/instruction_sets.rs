@@ -1,5 +1,5 @@
 //! Results do not depend on the instruction set, but for the rounding of sums that visit each bond once. That results with AVX-512 are those with
-//! AVX2 is a unit test of `perimelt-core`: the program that tests build has no sweeps for it.
+//! AVX2, and those of clouds in lanes, are a unit test of `perimelt-core`: the program that tests build has no such sweeps.
 
 mod program;
 

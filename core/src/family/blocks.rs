@@ -5,8 +5,9 @@
 //! advance together through the stencil as complete families do, with weights from memory. Equal blocks,
 //! such as those along an edge, share their weights, most of which stay in the cache.
 
-use std::collections::HashMap;
 use std::ops::Range;
+
+use rustc_hash::FxHashMap;
 
 /// Points of a block: one AVX-512 register.
 pub(super) const BLOCK: usize = 8;
@@ -111,9 +112,13 @@ pub(super) struct BlockBuilder {
     may_mix: bool,
     /// Whether the next point begins a block.
     has_ended: bool,
-    /// Weights of the last block, which may still grow.
+    /// Weights of the last block, which may still grow; zero if it has its pattern.
     open: Vec<Weights>,
-    known: HashMap<Vec<[[u64; BLOCK]; 2]>, u32>,
+    /// Whether the last block has no pattern yet.
+    is_open: bool,
+    /// Pattern of [`BlockBuilder::push_whole`].
+    whole: Option<u32>,
+    known: FxHashMap<Vec<[[u64; BLOCK]; 2]>, u32>,
 }
 
 impl BlockBuilder {
@@ -124,7 +129,9 @@ impl BlockBuilder {
             may_mix: false,
             has_ended: false,
             open: vec![[[0.0; BLOCK]; 2]; stencil],
-            known: HashMap::new(),
+            is_open: false,
+            whole: None,
+            known: FxHashMap::default(),
         }
     }
 
@@ -165,6 +172,7 @@ impl BlockBuilder {
                 len: 0,
                 pattern: 0,
             });
+            self.is_open = true;
         }
         let head = self.blocks.head.last_mut().expect("pushed above");
         let lane = head.len as usize;
@@ -178,11 +186,32 @@ impl BlockBuilder {
         }
     }
 
+    /// Adds a block of [`BLOCK`] points, after those before it. The weights are the same for every block that is added so.
+    pub(super) fn push_whole(&mut self, point: u32, slot: u32, weights: &[Weights]) {
+        self.close();
+        let pattern = self.whole.unwrap_or_else(|| {
+            self.open.copy_from_slice(weights);
+            let pattern = self.find_pattern();
+            self.open.fill([[0.0; BLOCK]; 2]);
+            pattern
+        });
+        self.whole = Some(pattern);
+        self.blocks.head.push(BlockHead {
+            point,
+            slot,
+            len: BLOCK as u32,
+            pattern,
+        });
+    }
+
     /// Gives the last block its pattern.
     fn close(&mut self) {
         let [before @ .., _] = &self.blocks.head[..] else {
             return;
         };
+        if !std::mem::take(&mut self.is_open) {
+            return;
+        }
         // most blocks are like the one before
         let before = before.last().map(|head| head.pattern);
         let pattern = match before.filter(|p| self.blocks.pattern(*p) == self.open) {

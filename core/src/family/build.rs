@@ -96,6 +96,7 @@ impl Family {
         let mut blocks = BlockBuilder::new(bonds.steps.len());
         let mut remote = BlockBuilder::new(bonds.steps.len());
         let owned = &bonds.slot_of_point[..share.owned];
+        let even = bonds.even_points();
         let mut in_runs = vec![false; owned.len()];
         let mut number = 0;
         for (point, &slot) in bonds.slot_of_point.iter().enumerate() {
@@ -109,7 +110,7 @@ impl Family {
                 members().count()
             };
             let own = || members().map(|m| (usize::from(m.step), bonds.weights(point, &m)));
-            let is_even = count == bonds.steps.len() && !bonds.is_uneven(point);
+            let is_even = count == bonds.steps.len() && even[point];
             if point >= share.owned {
                 if !is_even {
                     remote.push(point as u32, slot, own());

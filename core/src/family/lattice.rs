@@ -115,12 +115,53 @@ impl LatticeBonds {
             complete: Vec::new(),
             factor: Vec::new(),
         };
-        let points = 0..body.points.len();
-        bonds.complete = points.clone().map(|p| bonds.finds_complete(p)).collect();
+        bonds.complete = bonds.points_amid(|slot| bonds.present[slot]);
         if bonds.is_by_point {
-            bonds.factor = points.map(|p| bonds.find_factors(p)).collect();
+            let points = 0..body.points.len();
+            bonds.factor = points
+                .into_par_iter()
+                .map(|p| bonds.find_factors(p))
+                .collect();
         }
         Ok((bonds, grid))
+    }
+
+    /// By point, whether a condition holds for its slot and all slots of the stencil around it.
+    fn points_amid(&self, holds: impl Fn(usize) -> bool) -> Vec<bool> {
+        // number of slots from each slot on for which it holds
+        let mut stretch = vec![0u16; self.present.len()];
+        let mut following = 0u16;
+        for (slot, stretch) in stretch.iter_mut().enumerate().rev() {
+            following = match holds(slot) {
+                true => following.saturating_add(1),
+                false => 0,
+            };
+            *stretch = following;
+        }
+        // slots of the stencil that follow each other: the first and how many
+        let mut offsets: Vec<isize> = self.steps.iter().map(|(offset, _)| *offset).collect();
+        offsets.push(0);
+        offsets.sort_unstable();
+        let rows = offsets.chunk_by(|a, b| a + 1 == *b);
+        let rows: Vec<(isize, u16)> = rows.map(|row| (row[0], row.len() as u16)).collect();
+        let is_amid = |&slot: &u32| {
+            rows.iter().all(|&(first, len)| {
+                let first = (slot as usize).wrapping_add_signed(first);
+                stretch.get(first).is_some_and(|stretch| *stretch >= len)
+            })
+        };
+        self.slot_of_point.par_iter().map(is_amid).collect()
+    }
+
+    /// By point, whether all bonds have the weights of the stencil, if nothing cuts them.
+    pub(super) fn even_points(&self) -> Vec<bool> {
+        match self.is_by_point {
+            true => self.points_amid(|slot| match self.mirror_of[slot] {
+                EMPTY => false,
+                point => self.complete[point as usize],
+            }),
+            false => self.complete.clone(),
+        }
     }
 
     /// The slot of a neighbour, if there is material.

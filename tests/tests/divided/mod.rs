@@ -3,6 +3,8 @@
 pub mod build;
 pub mod cases;
 pub mod collision;
+#[cfg(feature = "mpi")]
+mod launched;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};

@@ -122,6 +122,11 @@ pub trait BondKernel<const I: usize, const O: usize>: Sync {
     }
 }
 
+/// Whether programs have sweeps of clouds in lanes. Those that tests run have none: they would be a quarter of the code of each kernel.
+/// That results are the same is a unit test.
+#[cfg(target_arch = "x86_64")]
+const ROWS_IN_LANES: bool = cfg!(any(test, not(debug_assertions)));
+
 /// Sums of a rare kernel that are computed for the points of a block together: with more of them the code grows, not the speed.
 const LANED_SUMS: usize = 6;
 
@@ -432,14 +437,12 @@ impl Family {
             Store::Cloud(cloud) | Store::Moving(cloud, _) => {
                 #[cfg(target_arch = "x86_64")]
                 match crate::instructions::used() {
-                    InstructionSet::Baseline => {
-                        self.sweep_plainly(kernel, inputs, output, chunk, None)
-                    }
                     // the gather instructions of AVX-512 are slower than single loads
-                    InstructionSet::Avx512 | InstructionSet::Avx2 => {
+                    InstructionSet::Avx512 | InstructionSet::Avx2 if const { ROWS_IN_LANES } => {
                         // SAFETY: the instruction set was detected.
                         unsafe { sweep_cloud_avx2(cloud, kernel, inputs, output, chunk) }
                     }
+                    _ => self.sweep_plainly(kernel, inputs, output, chunk, None),
                 }
                 #[cfg(not(target_arch = "x86_64"))]
                 sweep_cloud(cloud, kernel, inputs, output, chunk);

@@ -145,7 +145,7 @@ impl<L: BondForce> Ordinary<L> {
     fn sum_kernel<const D: usize>(&mut self, kernel: &impl BondKernel<INPUTS, D>, out: &mut [f64]) {
         let broken = self.base.fracture.as_ref().map(Fracture::broken);
         let sums = flat::<D>(&mut self.base.padded, bytemuck::cast_slice_mut(out));
-        self.inputs.sum_forces(kernel, broken, sums);
+        self.inputs.sum_forces::<L, D>(kernel, broken, sums);
         unflatten::<D>(&self.base.padded, out);
         self.base.complete(kernel, self.inputs.first(), out);
     }
@@ -188,7 +188,7 @@ impl<L: BondForce> Ordinary<L> {
         let law = self.law;
         specialise!(FINITE = finite, ENERGY = energy => {
             let kernel = Breaking::<D, FINITE, _, ENERGY>(law);
-            inputs.sum_forces_and_excess(&kernel, broken, sums);
+            inputs.sum_forces_and_excess::<L>(&kernel, broken, sums);
             let kernel = Force::<FINITE, _>(law);
             self.base.complete::<_, D>(&kernel, inputs.first(), out);
         });

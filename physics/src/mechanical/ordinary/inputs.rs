@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 use crate::mechanical::classical::{diagonal, eigenstrain_of_image, image_of};
 use crate::mechanical::stretch::{
-    CRITICAL, EIGENSTRAIN, INPUTS, PRESSURE, STIFFNESS, STRAIN_INPUTS, TANGENT_INPUTS, Uniform,
-    WithStrain,
+    BondForce, CRITICAL, EIGENSTRAIN, INPUTS, PRESSURE, STIFFNESS, STRAIN_INPUTS, TANGENT_INPUTS,
+    Uniform, WithStrain,
 };
 
 /// What the kernels of a body need besides displacement, eigenstrain and stiffness.
@@ -29,7 +29,6 @@ pub(super) struct Needs {
 #[derive(Debug)]
 pub(super) struct Inputs {
     family: Arc<Family>,
-    has_pressure: bool,
     pub(super) slots: [SlotField; INPUTS],
     /// Components of the eigenstrain that differs by direction, in the plane of a plane body; empty if there is none.
     tensor: [SlotField; 6],
@@ -57,7 +56,6 @@ impl Inputs {
             false => SlotField::default(),
         };
         Inputs {
-            has_pressure: needs.pressure,
             slots: std::array::from_fn(|i| field(needed(i))),
             tensor: Default::default(),
             inelastic: std::array::from_fn(|_| field(needs.inelastic)),
@@ -195,8 +193,8 @@ impl Inputs {
         self.family.sum_unbroken(kernel, self.first(), broken, sums);
     }
 
-    /// Sums a kernel of forces, loading only those inputs in which points differ.
-    pub(super) fn sum_forces<const O: usize>(
+    /// Sums a kernel of forces of a formulation, loading only those inputs in which points differ.
+    pub(super) fn sum_forces<L: BondForce, const O: usize>(
         &self,
         kernel: &impl BondKernel<INPUTS, O>,
         broken: Option<&BrokenBonds>,
@@ -204,7 +202,7 @@ impl Inputs {
     ) {
         const WITH_PRESSURE: usize = PRESSURE + 1;
         match self.uniform {
-            Some(point) if self.has_pressure => {
+            Some(point) if const { L::HAS_PRESSURE } => {
                 self.sum::<WITH_PRESSURE, O>(&Uniform(kernel, point), broken, sums);
             }
             Some(point) => self.sum::<PRESSURE, O>(&Uniform(kernel, point), broken, sums),
@@ -212,8 +210,8 @@ impl Inputs {
         }
     }
 
-    /// Sums a kernel of forces and of the excess of bonds into arrays of their own.
-    pub(super) fn sum_forces_and_excess(
+    /// Sums a kernel of forces and of the excess of bonds of a formulation into arrays of their own.
+    pub(super) fn sum_forces_and_excess<L: BondForce>(
         &self,
         kernel: &impl BondKernel<INPUTS, 4>,
         broken: Option<&BrokenBonds>,
@@ -223,7 +221,7 @@ impl Inputs {
         let family = &self.family;
         let (vectors, last) = sums;
         match self.uniform {
-            Some(point) if self.has_pressure => {
+            Some(point) if const { L::HAS_PRESSURE } => {
                 let inputs = self.first::<WITH_PRESSURE>();
                 family.sum_apart(&Uniform(kernel, point), inputs, broken, vectors, last);
             }

@@ -15,7 +15,7 @@ mod tests;
 use std::ops::Range;
 use std::sync::Mutex;
 
-use crate::family::blocks::{BLOCK, BlockBuilder, Blocks};
+use crate::family::blocks::{BLOCK, BlockBuilder, Blocks, Weights};
 use crate::family::{Family, StencilBond, StencilBonds, Store};
 
 /// Rows of a box, about: with more of them fewer inputs are read twice, with fewer more threads are busy.
@@ -164,12 +164,116 @@ fn slots_of_points(family: &Family) -> Vec<bool> {
     holds_point
 }
 
+/// By point of the family, whether its bonds are those of the stencil.
+fn even_points(family: &Family, bonds: &StencilBonds) -> Vec<bool> {
+    let mut is_even = vec![false; family.points];
+    for run in &bonds.runs {
+        is_even[run.points()].fill(true);
+    }
+    is_even
+}
+
+/// The first points, if they fill a block and their bonds are those of the stencil.
+fn whole_block<'a>(points: &'a [BoxedPoint], is_even: &[bool]) -> Option<&'a [BoxedPoint; BLOCK]> {
+    let block: &[BoxedPoint; BLOCK] = points.first_chunk()?;
+    let follows = |[a, b]: &[BoxedPoint; 2]| a.slot + 1 == b.slot && a.point + 1 == b.point;
+    let is_whole = block.array_windows().all(follows)
+        && (block.iter()).all(|b| is_even.get(b.point as usize).is_some_and(|even| *even));
+    is_whole.then_some(block)
+}
+
 /// Numbers of the bonds ahead, ordered by x, so that consecutive bonds lead to different rows. A load of sums that the
 /// bond before it stored in part stalls for longer than a bond takes.
 fn order_of(ahead: &[StencilBond]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..ahead.len()).collect();
     order.sort_by(|&a, &b| ahead[a].bond.xi[0].total_cmp(&ahead[b].bond.xi[0]));
     order
+}
+
+/// Pairs of a family that are being gathered.
+struct Building<'a> {
+    family: &'a Family,
+    bonds: &'a StencilBonds,
+    /// Place of each bond ahead in the order of blocks.
+    rank: Vec<usize>,
+    /// Weights ahead of a block of complete families.
+    whole: Vec<Weights>,
+    /// By point, whether its bonds are those of the stencil.
+    is_even: Vec<bool>,
+    /// By slot.
+    holds_point: Vec<bool>,
+    ahead: BlockBuilder,
+    behind: BlockBuilder,
+}
+
+impl Building<'_> {
+    /// Adds the points of a box.
+    fn add_box(&mut self, mut points: &[BoxedPoint]) -> BoxBlocks {
+        let first = [self.ahead.len(), self.behind.len()];
+        let grid = &self.bonds.stencil.grid;
+        while let [point, others @ ..] = points {
+            // blocks of a part are those of the whole body
+            let begins_block = grid.cell_of_row(point.slot as usize).is_multiple_of(BLOCK);
+            if begins_block {
+                self.ahead.end_block();
+                self.behind.end_block();
+            }
+            match whole_block(points, &self.is_even).filter(|_| begins_block) {
+                Some(block) => {
+                    self.add_whole_block(block);
+                    points = &points[BLOCK..];
+                }
+                None => {
+                    self.add_point(point);
+                    points = others;
+                }
+            }
+        }
+        BoxBlocks {
+            ahead: first[0]..self.ahead.len(),
+            behind: first[1]..self.behind.len(),
+        }
+    }
+
+    /// Adds a block of points whose bonds are those of the stencil.
+    fn add_whole_block(&mut self, block: &[BoxedPoint; BLOCK]) {
+        let BoxedPoint { slot, point, .. } = block[0];
+        self.ahead.push_whole(point, slot, &self.whole);
+        let (behind, _) = self.bonds.stencil.bonds.split_at(self.rank.len());
+        for &BoxedPoint { slot, point, .. } in block {
+            let to_layer = |bond: &StencilBond| {
+                !self.holds_point[(slot as usize).wrapping_add_signed(bond.offset)]
+            };
+            let back = behind.iter().enumerate().filter(|(_, b)| to_layer(b));
+            let mut back = back.map(|(number, b)| (number, [b.bond.weight, b.bond.dual]));
+            if let Some(first) = back.next() {
+                (self.behind).push(point, slot, std::iter::once(first).chain(back));
+            }
+        }
+    }
+
+    fn add_point(&mut self, boxed: &BoxedPoint) {
+        let (family, half) = (self.family, self.rank.len());
+        let BoxedPoint { slot, point, .. } = *boxed;
+        let (mut back, mut forth) = (Vec::new(), Vec::new());
+        if point as usize >= family.points {
+            let ahead = ahead_of_remote(family, self.bonds, boxed);
+            forth.extend(ahead.map(|(n, weights)| (self.rank[n - half], weights)));
+        } else {
+            family.for_each_bond(point as usize, |number, bond, other| {
+                let weights = [bond.weight, bond.dual];
+                if number >= half {
+                    forth.push((self.rank[number - half], weights));
+                } else if !self.holds_point[other] {
+                    back.push((number, weights));
+                }
+            });
+        }
+        if !back.is_empty() {
+            self.behind.push(point, slot, back.into_iter());
+        }
+        self.ahead.push(point, slot, forth.into_iter());
+    }
 }
 
 impl Pairs {
@@ -187,49 +291,34 @@ impl Pairs {
         let half = stencil.len() / 2;
         let (behind, ahead) = stencil.split_at(half);
         let order = order_of(ahead);
-        let holds_point = slots_of_points(family);
         let mut rank = vec![0; half];
         for (place, &number) in order.iter().enumerate() {
             rank[number] = place;
         }
-        let mut blocks_ahead = BlockBuilder::of_slots(half);
-        let mut blocks_behind = BlockBuilder::of_slots(half);
+        let mut building = Building {
+            family,
+            bonds,
+            rank,
+            whole: (order.iter().map(|&number| ahead[number].bond))
+                .map(|bond| [[bond.weight; BLOCK], [bond.dual; BLOCK]])
+                .collect(),
+            is_even: even_points(family, bonds),
+            holds_point: slots_of_points(family),
+            ahead: BlockBuilder::of_slots(half),
+            behind: BlockBuilder::of_slots(half),
+        };
         let mut boxes: [Vec<BoxBlocks>; 4] = Default::default();
         let farthest = ahead[half - 1].offset as usize;
         let rows = RowBoxes::new(cells, grid.in_whole(), farthest);
         for of_box in boxed_points(family, &rows).chunk_by(|a, b| a.place == b.place) {
-            let first = [blocks_ahead.len(), blocks_behind.len()];
-            for boxed in of_box {
-                let BoxedPoint { slot, point, .. } = *boxed;
-                // blocks of a part are those of the whole body
-                if grid.cell_of_row(slot as usize).is_multiple_of(BLOCK) {
-                    blocks_ahead.end_block();
-                    blocks_behind.end_block();
-                }
-                let (mut back, mut forth) = (Vec::new(), Vec::new());
-                if point as usize >= family.points {
-                    let ahead = ahead_of_remote(family, bonds, boxed);
-                    forth.extend(ahead.map(|(n, weights)| (rank[n - half], weights)));
-                } else {
-                    family.for_each_bond(point as usize, |number, bond, other| {
-                        let weights = [bond.weight, bond.dual];
-                        if number >= half {
-                            forth.push((rank[number - half], weights));
-                        } else if !holds_point[other] {
-                            back.push((number, weights));
-                        }
-                    });
-                }
-                if !back.is_empty() {
-                    blocks_behind.push(point, slot, back.into_iter());
-                }
-                blocks_ahead.push(point, slot, forth.into_iter());
-            }
-            boxes[of_box[0].colour].push(BoxBlocks {
-                ahead: first[0]..blocks_ahead.len(),
-                behind: first[1]..blocks_behind.len(),
-            });
+            boxes[of_box[0].colour].push(building.add_box(of_box));
         }
+        let Building {
+            holds_point,
+            ahead: blocks_ahead,
+            behind: blocks_behind,
+            ..
+        } = building;
         let stencil: Vec<StencilBond> = order.iter().map(|&number| ahead[number]).collect();
         let ahead = HalfStencil {
             stencil,
