@@ -4,6 +4,8 @@
 use super::{Bond, BondKernel, Output, SweepInputs};
 use crate::family::blocks::{BLOCK, Weights};
 use crate::family::{Chunk, Family, Stencil, StencilBond, StencilBonds};
+#[cfg(target_arch = "x86_64")]
+use crate::instructions::{self, InstructionSet};
 
 /// Points that advance together: two AVX-512 or four AVX2 registers.
 const LANES: usize = 16;
@@ -108,19 +110,31 @@ pub(super) fn sweep_lattice<const I: usize, const O: usize>(
     }
 }
 
-/// Sums of the points of a block by what every machine of the architecture has. Compiled once for each kernel.
-#[inline(never)]
+/// Sums of the points of a block, or of as many with the bonds of the stencil, for a kernel that is evaluated rarely; `None` on a
+/// machine of which each point takes less time alone.
 pub(super) fn sum_block<const I: usize, const O: usize>(
     kernel: &impl BondKernel<I, O>,
-    bonds: &StencilBonds,
-    weights: &[Weights],
+    bonds: LaneBonds<'_, BLOCK>,
+    inputs: &[&[f64]; I],
+    slot: usize,
+) -> Option<[[f64; O]; BLOCK]> {
+    #[cfg(target_arch = "x86_64")]
+    return (instructions::used() > InstructionSet::Baseline).then(|| {
+        // SAFETY: the instruction set was detected.
+        unsafe { sum_block_avx2(kernel, bonds, inputs, slot) }
+    });
+    #[cfg(not(target_arch = "x86_64"))]
+    Some(sum_lanes(kernel, bonds, inputs, slot))
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn sum_block_avx2<const I: usize, const O: usize>(
+    kernel: &impl BondKernel<I, O>,
+    bonds: LaneBonds<'_, BLOCK>,
     inputs: &[&[f64]; I],
     slot: usize,
 ) -> [[f64; O]; BLOCK] {
-    let bonds = LaneBonds {
-        stencil: &bonds.stencil.bonds,
-        weights: Some(weights),
-    };
     sum_lanes(kernel, bonds, inputs, slot)
 }
 

@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::blocks::BLOCK;
 use super::broken::Bits;
 use super::growing::GrowingBonds;
 use super::{BrokenBonds, Chunk, CloudRows, Family, StencilBonds, Store};
@@ -32,6 +33,7 @@ use cloud::sweep_cloud_avx2;
 pub(super) use cloud::{ROW_LANES, RowOwner, Weighing};
 #[cfg(not(target_arch = "x86_64"))]
 use lattice::sweep_lattice;
+use lattice::LaneBonds;
 #[cfg(target_arch = "x86_64")]
 use lattice::{LatticeSweep, sweep_avx2};
 pub(super) use pairs::Pairs;
@@ -381,35 +383,46 @@ impl Family {
                 }
             }
             Store::Lattice(bonds, _) | Store::Growing(bonds, _) => {
+                let in_lanes = |points: Range<usize>, slot: usize, weights| {
+                    if const { !K::RARE || O > LANED_SUMS } || !inputs.is_whole(points.clone()) {
+                        return None;
+                    }
+                    let bonds = LaneBonds {
+                        stencil: &bonds.stencil.bonds,
+                        weights,
+                    };
+                    let sums = lattice::sum_block(kernel, bonds, inputs.values, slot)?;
+                    points.zip(sums).for_each(|(point, sum)| set(point, sum));
+                    Some(())
+                };
                 for block in chunk.blocks.clone() {
                     let head = bonds.blocks.head[block];
-                    if const { K::RARE && O <= LANED_SUMS } && inputs.is_whole(head.points()) {
-                        let weights = bonds.blocks.weights(block);
-                        let sums = lattice::sum_block(
-                            kernel,
-                            bonds,
-                            weights,
-                            inputs.values,
-                            head.slot as usize,
-                        );
-                        for (point, sum) in head.points().zip(sums) {
-                            set(point, sum);
-                        }
-                    } else {
+                    let weights = Some(bonds.blocks.weights(block));
+                    if in_lanes(head.points(), head.slot as usize, weights).is_none() {
                         head.points().for_each(alone);
                     }
                 }
                 for run in &bonds.runs[chunk.runs.clone()] {
-                    for (point, slot) in run.points().zip(run.slot as usize..) {
-                        let bits = inputs.bits(point);
-                        let sum = match common {
-                            Some(sums) if !bits.any() => sums,
-                            _ => {
-                                let stencil = &bonds.stencil;
-                                stencil.sum_complete(kernel, inputs.values, slot, bits)
-                            }
-                        };
-                        set(point, sum);
+                    for first in run.points().step_by(BLOCK) {
+                        let points = first..(first + BLOCK).min(run.points().end);
+                        let slot = run.slot as usize + first - run.point as usize;
+                        if common.is_none()
+                            && points.len() == BLOCK
+                            && in_lanes(points.clone(), slot, None).is_some()
+                        {
+                            continue;
+                        }
+                        for (point, slot) in points.zip(slot..) {
+                            let bits = inputs.bits(point);
+                            let sum = match common {
+                                Some(sums) if !bits.any() => sums,
+                                _ => {
+                                    let stencil = &bonds.stencil;
+                                    stencil.sum_complete(kernel, inputs.values, slot, bits)
+                                }
+                            };
+                            set(point, sum);
+                        }
                     }
                 }
             }

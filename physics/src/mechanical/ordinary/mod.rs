@@ -146,16 +146,15 @@ impl<L: BondForce> Ordinary<L> {
 
     fn sum_stress(&mut self) {
         let broken = self.base.fracture.as_ref().map(Fracture::broken);
-        let kernel = Stress {
-            law: self.law,
-            finite: self.base.elastic.finite,
-            symmetric: self.horizons_differ,
-        };
-        let sums = &mut self.base.tensors;
-        match self.inputs.has_strain() {
-            true => self.inputs.sum_with_strain(kernel, broken, sums),
-            false => self.inputs.sum(&kernel, broken, sums),
-        }
+        let (law, symmetric) = (self.law, self.horizons_differ);
+        let (sums, finite) = (&mut self.base.tensors, self.base.elastic.finite);
+        specialise!(FINITE = finite => {
+            let kernel = Stress::<FINITE, L> { law, symmetric };
+            match self.inputs.has_strain() {
+                true => self.inputs.sum_with_strain(kernel, broken, sums),
+                false => self.inputs.sum(&kernel, broken, sums),
+            }
+        });
     }
 }
 
@@ -254,7 +253,8 @@ impl<L: BondForce> Ordinary<L> {
         } = &mut self.base;
         let broken = fracture.as_ref().map(Fracture::broken);
         let (finite, law, inputs) = (elastic.finite, self.law, &self.inputs);
-        inputs.sum::<INPUTS, 6>(&ConjugateStress { law, finite }, broken, tensors);
+        specialise!(FINITE = finite =>
+            inputs.sum::<INPUTS, 6>(&ConjugateStress::<FINITE, L>(law), broken, tensors));
         if let Some(dilatation) = &mut self.dilatation {
             dilatation.sum(StrainKind::Total, finite, inputs, broken);
             dilatation.sum_directions(inputs, broken, points);
