@@ -158,7 +158,7 @@ impl Reducer {
         let Some(transport) = self.processes().transport() else {
             return Cow::Borrowed(values);
         };
-        if values.is_empty() {
+        if !self.processes().any(!values.is_empty()) {
             return Cow::Borrowed(values);
         }
         let own = rmp_serde::to_vec(&values[..self.owned]).expect("values in memory");

@@ -31,9 +31,9 @@ use cloud::sweep_cloud;
 #[cfg(target_arch = "x86_64")]
 use cloud::sweep_cloud_avx2;
 pub(super) use cloud::{ROW_LANES, RowOwner, Weighing};
+use lattice::LaneBonds;
 #[cfg(not(target_arch = "x86_64"))]
 use lattice::sweep_lattice;
-use lattice::LaneBonds;
 #[cfg(target_arch = "x86_64")]
 use lattice::{LatticeSweep, sweep_avx2};
 pub(super) use pairs::Pairs;

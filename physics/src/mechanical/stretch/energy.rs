@@ -2,9 +2,7 @@
 
 use perimelt_core::{Bond, BondKernel};
 
-use super::{
-    BondForce, Ends, INPUTS, PRESSURE, STIFFNESS, dyad, elastic_stretch, stretched,
-};
+use super::{BondForce, Ends, INPUTS, PRESSURE, STIFFNESS, dyad, elastic_stretch, stretched};
 
 /// Energy density `c/2 sum_j w |xi| phi(s)` (J/m³) of the bonds of a point at their total stretch, and the stress
 /// `c/2 sum_j w |xi| f(s)` conjugate to the eigenstrain (Pa), with the force f of the law and its integral phi; the stress of a
@@ -73,8 +71,7 @@ impl<const FINITE: bool, L: BondForce> BondKernel<INPUTS, 6> for Stress<FINITE, 
         };
         // a branch would keep the compiler from computing points side by side
         let [of_own, of_other] = if self.symmetric { [0.5; 2] } else { [1.0, 0.0] };
-        let tension =
-            of_own * carried(bond.weight, &own) + of_other * carried(bond.dual, &other);
+        let tension = of_own * carried(bond.weight, &own) + of_other * carried(bond.dual, &other);
         dyad(tension, &change.vector(1.0))
     }
 }
