@@ -204,6 +204,27 @@ impl BlockBuilder {
         });
     }
 
+    /// Adds all blocks of another builder, behind its own.
+    pub(super) fn append(&mut self, mut other: BlockBuilder) {
+        self.close();
+        other.close();
+        let patterns = other.blocks.weights.chunks_exact(self.open.len());
+        let numbers: Vec<u32> = patterns
+            .map(|weights| {
+                self.open.copy_from_slice(weights);
+                self.find_pattern()
+            })
+            .collect();
+        self.open.fill([[0.0; BLOCK]; 2]);
+        let renumbered = |head: &BlockHead| BlockHead {
+            pattern: numbers[head.pattern as usize],
+            ..*head
+        };
+        let heads = other.blocks.head.iter().map(renumbered);
+        self.blocks.head.extend(heads);
+        self.has_ended = true;
+    }
+
     /// Gives the last block its pattern.
     fn close(&mut self) {
         let [before @ .., _] = &self.blocks.head[..] else {

@@ -1,8 +1,10 @@
 //! Construction of a family: slots, mirrored layers, completeness, corrections, rows, chunks.
 
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 use crate::body::{self, Body, Discretisation, Face, Lattice, Part};
 
@@ -13,6 +15,9 @@ use crate::body::{Cut, severed};
 
 /// Points per chunk: small enough to balance two to many cores, large enough to amortise.
 const CHUNK_POINTS: u32 = 4096;
+
+/// Points whose bonds are gathered by one thread.
+const PART_POINTS: usize = 1 << 14;
 
 impl Family {
     /// Lays out the family of every point of `body`.
@@ -88,61 +93,37 @@ impl Family {
         spec: &FamilySpec,
     ) -> Result<Family, FamilyError> {
         let body = share.body;
-        let horizon = spec.horizon.of(lattice.spacing);
         let (bonds, grid) = LatticeBonds::new(share, lattice, spec)?;
-        let cuts = cuts(body, spec);
-        let mut rows = Rows::new();
-        let mut layer_rows = Rows::new();
-        let mut blocks = BlockBuilder::new(bonds.steps.len());
-        let mut remote = BlockBuilder::new(bonds.steps.len());
-        let owned = &bonds.slot_of_point[..share.owned];
-        let even = bonds.even_points();
-        let mut in_runs = vec![false; owned.len()];
-        let mut number = 0;
-        for (point, &slot) in bonds.slot_of_point.iter().enumerate() {
-            let from = &body.points.position[point];
-            let end = |m: &Member<'_>| from + Vector3::from(m.bond.xi);
-            let is_whole = |m: &Member<'_>| !severed(&cuts, from, &end(m));
-            let members = || bonds.members(point).filter(is_whole);
-            let count = if bonds.is_complete(point) && cuts.is_empty() {
-                bonds.steps.len()
-            } else {
-                members().count()
-            };
-            let own = || members().map(|m| (usize::from(m.step), bonds.weights(point, &m)));
-            let is_even = count == bonds.steps.len() && even[point];
-            if point >= share.owned {
-                if !is_even {
-                    remote.push(point as u32, slot, own());
-                }
-                continue;
-            }
-            if count == 0 {
-                let at = (*from).into();
-                return Err(FamilyError::NoNeighbours { at, horizon });
-            }
-            number += count;
-            let weighted = |m: Member<'_>| bonds.row_bond(point, &m);
-            if body.store == body::Store::List {
-                rows.push(point, slot, members().map(weighted));
-            } else if is_even {
-                in_runs[point] = true;
-            } else {
-                blocks.push(point as u32, slot, own());
-            }
-            if !spec.audited.is_empty() && members().any(|m| bonds.audited[m.slot]) {
-                let from_layer = members().filter(|m| bonds.audited[m.slot]);
-                layer_rows.push(point, slot, from_layer.map(weighted));
-            }
+        let gathering = Gathering {
+            share,
+            spec,
+            bonds: &bonds,
+            cuts: cuts(body, spec),
+            even: bonds.even_points(),
+        };
+        let starts = (0..body.points.len()).into_par_iter().step_by(PART_POINTS);
+        let parts: Vec<Result<Gathered, FamilyError>> = starts
+            .map(|first| gathering.gather(first..(first + PART_POINTS).min(body.points.len())))
+            .collect();
+        let mut all = Gathered::new(bonds.steps.len());
+        for part in parts {
+            all.append(part?);
         }
-
+        let Gathered {
+            rows,
+            layer_rows,
+            blocks,
+            remote,
+            in_runs,
+            number,
+        } = all;
         let stencil = bonds.stencil(grid);
         let store = match body.store {
             body::Store::List => Store::List(stencil, rows),
             body::Store::Lattice => {
                 let bonds = StencilBonds {
                     stencil,
-                    runs: stretches(owned, |p| in_runs[p]),
+                    runs: stretches(&bonds.slot_of_point[..share.owned], |p| in_runs[p]),
                     blocks: blocks.finish(),
                     remote: remote.finish(),
                 };
@@ -159,6 +140,103 @@ impl Family {
             store,
             layer_rows,
         })
+    }
+}
+
+/// What the bonds of the points of a lattice follow from.
+struct Gathering<'a> {
+    share: Share<'a>,
+    spec: &'a FamilySpec,
+    bonds: &'a LatticeBonds,
+    cuts: Vec<Cut>,
+    /// By point, whether its bonds have the weights of the stencil, if nothing cuts them.
+    even: Vec<bool>,
+}
+
+/// The bonds of consecutive points.
+struct Gathered {
+    rows: Rows,
+    layer_rows: Rows,
+    blocks: BlockBuilder,
+    remote: BlockBuilder,
+    /// By owned point, whether its bonds are those of the stencil.
+    in_runs: Vec<bool>,
+    /// Number of bonds.
+    number: usize,
+}
+
+impl Gathering<'_> {
+    /// The bonds of some points.
+    ///
+    /// # Errors
+    /// A point without neighbours.
+    fn gather(&self, points: Range<usize>) -> Result<Gathered, FamilyError> {
+        let (bonds, body, owned) = (self.bonds, self.share.body, self.share.owned);
+        let mut found = Gathered::new(bonds.steps.len());
+        for point in points {
+            let slot = bonds.slot_of_point[point];
+            let from = &body.points.position[point];
+            let end = |m: &Member<'_>| from + Vector3::from(m.bond.xi);
+            let is_whole = |m: &Member<'_>| !severed(&self.cuts, from, &end(m));
+            let members = || bonds.members(point).filter(is_whole);
+            let count = if bonds.is_complete(point) && self.cuts.is_empty() {
+                bonds.steps.len()
+            } else {
+                members().count()
+            };
+            let own = || members().map(|m| (usize::from(m.step), bonds.weights(point, &m)));
+            let is_even = count == bonds.steps.len() && self.even[point];
+            if point >= owned {
+                if !is_even {
+                    found.remote.push(point as u32, slot, own());
+                }
+                continue;
+            }
+            if count == 0 {
+                return Err(FamilyError::NoNeighbours {
+                    at: (*from).into(),
+                    horizon: bonds.horizon,
+                });
+            }
+            found.number += count;
+            let weighted = |m: Member<'_>| bonds.row_bond(point, &m);
+            let is_list = body.store == body::Store::List;
+            found.in_runs.push(is_even && !is_list);
+            if is_list {
+                found.rows.push(point, slot, members().map(weighted));
+            } else if !is_even {
+                found.blocks.push(point as u32, slot, own());
+            }
+            if !self.spec.audited.is_empty() && members().any(|m| bonds.audited[m.slot]) {
+                let from_layer = members().filter(|m| bonds.audited[m.slot]);
+                (found.layer_rows).push(point, slot, from_layer.map(weighted));
+            }
+        }
+        Ok(found)
+    }
+}
+
+impl Gathered {
+    /// The bonds of no point; `stencil` is the number of those of a complete family.
+    fn new(stencil: usize) -> Self {
+        Gathered {
+            rows: Rows::new(),
+            layer_rows: Rows::new(),
+            blocks: BlockBuilder::new(stencil),
+            remote: BlockBuilder::new(stencil),
+            in_runs: Vec::new(),
+            number: 0,
+        }
+    }
+
+    /// Adds the bonds of the points that follow.
+    fn append(&mut self, next: Gathered) {
+        self.rows.append(next.rows);
+        self.layer_rows.append(next.layer_rows);
+        self.blocks.append(next.blocks);
+        self.remote.append(next.remote);
+        self.in_runs.extend(next.in_runs);
+        self.number += next.number;
     }
 }
 

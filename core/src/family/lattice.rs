@@ -32,7 +32,7 @@ pub(super) struct LatticeBonds {
     pub(super) layers: Layers,
     calibration: Calibration,
     /// m.
-    horizon: f64,
+    pub(super) horizon: f64,
     /// Factor of the bonds of complete families.
     lattice_factor: f64,
     /// Whether points have factors of their own.

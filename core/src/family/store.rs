@@ -220,6 +220,19 @@ impl Rows {
         self.start.push(self.column.len());
     }
 
+    /// Adds the rows of others, behind its own.
+    pub(super) fn append(&mut self, other: Rows) {
+        let before = self.column.len();
+        self.point.extend(other.point);
+        self.slot.extend(other.slot);
+        let ends = other.start.into_iter().skip(1);
+        self.start.extend(ends.map(|end| before + end));
+        self.column.extend(other.column);
+        self.step.extend(other.step);
+        self.weight.extend(other.weight);
+        self.dual.extend(other.dual);
+    }
+
     pub(super) fn memory(&self) -> usize {
         size_of_val(&*self.column)
             + size_of_val(&*self.step)

@@ -15,11 +15,16 @@ mod tests;
 use std::ops::Range;
 use std::sync::Mutex;
 
+use rayon::prelude::*;
+
 use crate::family::blocks::{BLOCK, BlockBuilder, Blocks, Weights};
 use crate::family::{Family, StencilBond, StencilBonds, Store};
 
 /// Rows of a box, about: with more of them fewer inputs are read twice, with fewer more threads are busy.
 const ROWS: usize = 12;
+
+/// Boxes whose pairs are gathered by one thread.
+const PART_BOXES: usize = 4;
 
 /// The bonds of a lattice, each once.
 #[derive(Debug)]
@@ -190,8 +195,8 @@ fn order_of(ahead: &[StencilBond]) -> Vec<usize> {
     order
 }
 
-/// Pairs of a family that are being gathered.
-struct Building<'a> {
+/// What the pairs of a family follow from.
+struct Gathering<'a> {
     family: &'a Family,
     bonds: &'a StencilBonds,
     /// Place of each bond ahead in the order of blocks.
@@ -202,43 +207,58 @@ struct Building<'a> {
     is_even: Vec<bool>,
     /// By slot.
     holds_point: Vec<bool>,
-    ahead: BlockBuilder,
-    behind: BlockBuilder,
 }
 
-impl Building<'_> {
-    /// Adds the points of a box.
-    fn add_box(&mut self, mut points: &[BoxedPoint]) -> BoxBlocks {
-        let first = [self.ahead.len(), self.behind.len()];
+/// The pairs of some boxes.
+struct Gathered {
+    ahead: BlockBuilder,
+    behind: BlockBuilder,
+    /// Colours and blocks.
+    boxes: Vec<(usize, BoxBlocks)>,
+}
+
+impl Gathering<'_> {
+    /// The pairs of boxes, by their points.
+    fn gather(&self, boxes: &[&[BoxedPoint]]) -> Gathered {
+        let mut found = Gathered::new(self.rank.len());
+        for points in boxes {
+            let first = [found.ahead.len(), found.behind.len()];
+            self.add_box(points, &mut found);
+            let blocks = BoxBlocks {
+                ahead: first[0]..found.ahead.len(),
+                behind: first[1]..found.behind.len(),
+            };
+            found.boxes.push((points[0].colour, blocks));
+        }
+        found
+    }
+
+    fn add_box(&self, mut points: &[BoxedPoint], found: &mut Gathered) {
         let grid = &self.bonds.stencil.grid;
         while let [point, others @ ..] = points {
             // blocks of a part are those of the whole body
             let begins_block = grid.cell_of_row(point.slot as usize).is_multiple_of(BLOCK);
             if begins_block {
-                self.ahead.end_block();
-                self.behind.end_block();
+                found.ahead.end_block();
+                found.behind.end_block();
             }
             match whole_block(points, &self.is_even).filter(|_| begins_block) {
                 Some(block) => {
-                    self.add_whole_block(block);
+                    self.add_whole_block(block, found);
                     points = &points[BLOCK..];
                 }
                 None => {
-                    self.add_point(point);
+                    self.add_point(point, found);
                     points = others;
                 }
             }
         }
-        BoxBlocks {
-            ahead: first[0]..self.ahead.len(),
-            behind: first[1]..self.behind.len(),
-        }
     }
 
     /// Adds a block of points whose bonds are those of the stencil.
-    fn add_whole_block(&mut self, block: &[BoxedPoint; BLOCK]) {
+    fn add_whole_block(&self, block: &[BoxedPoint; BLOCK], found: &mut Gathered) {
         let BoxedPoint { slot, point, .. } = block[0];
-        self.ahead.push_whole(point, slot, &self.whole);
+        found.ahead.push_whole(point, slot, &self.whole);
         let (behind, _) = self.bonds.stencil.bonds.split_at(self.rank.len());
         for &BoxedPoint { slot, point, .. } in block {
             let to_layer = |bond: &StencilBond| {
@@ -247,12 +267,12 @@ impl Building<'_> {
             let back = behind.iter().enumerate().filter(|(_, b)| to_layer(b));
             let mut back = back.map(|(number, b)| (number, [b.bond.weight, b.bond.dual]));
             if let Some(first) = back.next() {
-                (self.behind).push(point, slot, std::iter::once(first).chain(back));
+                (found.behind).push(point, slot, std::iter::once(first).chain(back));
             }
         }
     }
 
-    fn add_point(&mut self, boxed: &BoxedPoint) {
+    fn add_point(&self, boxed: &BoxedPoint, found: &mut Gathered) {
         let (family, half) = (self.family, self.rank.len());
         let BoxedPoint { slot, point, .. } = *boxed;
         let (mut back, mut forth) = (Vec::new(), Vec::new());
@@ -270,9 +290,36 @@ impl Building<'_> {
             });
         }
         if !back.is_empty() {
-            self.behind.push(point, slot, back.into_iter());
+            found.behind.push(point, slot, back.into_iter());
         }
-        self.ahead.push(point, slot, forth.into_iter());
+        found.ahead.push(point, slot, forth.into_iter());
+    }
+}
+
+impl Gathered {
+    /// No pairs; `half` is the number of bonds of a complete family to one side.
+    fn new(half: usize) -> Self {
+        Gathered {
+            ahead: BlockBuilder::of_slots(half),
+            behind: BlockBuilder::of_slots(half),
+            boxes: Vec::new(),
+        }
+    }
+
+    /// Adds the pairs of the boxes that follow.
+    fn append(&mut self, next: Gathered) {
+        let [ahead, behind] = [self.ahead.len(), self.behind.len()];
+        let behind_own = |blocks: Range<usize>, by: usize| blocks.start + by..blocks.end + by;
+        self.boxes
+            .extend(next.boxes.into_iter().map(|(colour, blocks)| {
+                let blocks = BoxBlocks {
+                    ahead: behind_own(blocks.ahead, ahead),
+                    behind: behind_own(blocks.behind, behind),
+                };
+                (colour, blocks)
+            }));
+        self.ahead.append(next.ahead);
+        self.behind.append(next.behind);
     }
 }
 
@@ -295,7 +342,7 @@ impl Pairs {
         for (place, &number) in order.iter().enumerate() {
             rank[number] = place;
         }
-        let mut building = Building {
+        let gathering = Gathering {
             family,
             bonds,
             rank,
@@ -304,26 +351,24 @@ impl Pairs {
                 .collect(),
             is_even: even_points(family, bonds),
             holds_point: slots_of_points(family),
-            ahead: BlockBuilder::of_slots(half),
-            behind: BlockBuilder::of_slots(half),
         };
-        let mut boxes: [Vec<BoxBlocks>; 4] = Default::default();
         let farthest = ahead[half - 1].offset as usize;
         let rows = RowBoxes::new(cells, grid.in_whole(), farthest);
-        for of_box in boxed_points(family, &rows).chunk_by(|a, b| a.place == b.place) {
-            boxes[of_box[0].colour].push(building.add_box(of_box));
+        let points = boxed_points(family, &rows);
+        let by_box: Vec<&[BoxedPoint]> = points.chunk_by(|a, b| a.place == b.place).collect();
+        let parts = by_box.par_chunks(PART_BOXES);
+        let parts: Vec<Gathered> = parts.map(|boxes| gathering.gather(boxes)).collect();
+        let mut all = Gathered::new(half);
+        parts.into_iter().for_each(|part| all.append(part));
+        let mut boxes: [Vec<BoxBlocks>; 4] = Default::default();
+        for (colour, blocks) in all.boxes {
+            boxes[colour].push(blocks);
         }
-        let Building {
-            holds_point,
-            ahead: blocks_ahead,
-            behind: blocks_behind,
-            ..
-        } = building;
         let stencil: Vec<StencilBond> = order.iter().map(|&number| ahead[number]).collect();
         let ahead = HalfStencil {
             stencil,
             numbers: order.iter().map(|number| number + half).collect(),
-            blocks: blocks_ahead.finish(),
+            blocks: all.ahead.finish(),
         };
         let weights = ahead.stencil.iter().map(|b| [b.bond.weight, b.bond.dual]);
         let pairs = Pairs {
@@ -332,10 +377,10 @@ impl Pairs {
             behind: HalfStencil {
                 stencil: behind.to_vec(),
                 numbers: (0..half).collect(),
-                blocks: blocks_behind.finish(),
+                blocks: all.behind.finish(),
             },
             boxes,
-            holds_point,
+            holds_point: gathering.holds_point,
             work: Mutex::default(),
         };
         pairs.check(cells[0]);
