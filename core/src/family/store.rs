@@ -254,7 +254,9 @@ impl SlotPlaces {
 
     /// The bond between two slots with these weights.
     fn bond(&self, slot: usize, other: usize, weights: [f64; 2]) -> Bond {
-        let xi: [f64; 3] = std::array::from_fn(|a| self.at[a][other] - self.at[a][slot]);
+        let apart = |axis: usize| self.at[axis][other] - self.at[axis][slot];
+        // positions of a plane body may differ along z by rounding, which sweeps leave out, too
+        let xi = [apart(0), apart(1), if self.flat { 0.0 } else { apart(2) }];
         let length = xi.iter().map(|x| x * x).sum::<f64>().sqrt();
         Bond::new(xi, length, weights)
     }

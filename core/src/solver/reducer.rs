@@ -150,7 +150,8 @@ impl Reducer {
         numbers.get(point).copied().unwrap_or(point as u32)
     }
 
-    /// Values by point of all processes, in the order of their numbers, in each of them, from those of owned points; nothing of nothing. Collective.
+    /// Values by point of all processes, in the order of their numbers, in each of them, from those of owned points; nothing where no
+    /// process has any. Collective.
     pub fn whole_of<'a, T>(&self, values: &'a [T]) -> Cow<'a, [T]>
     where
         T: Clone + Serialize + DeserializeOwned,

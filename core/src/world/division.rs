@@ -269,7 +269,8 @@ impl World {
         })
     }
 
-    /// Values by point of the whole body, in all processes, from those of owned points, for checkpoints; nothing of nothing. Collective.
+    /// Values by point of the whole body, in all processes, from those of owned points, for checkpoints; nothing where no process has any.
+    /// Collective.
     pub fn whole_of<'a, T>(&self, body: BodyIndex, values: &'a [T]) -> Cow<'a, [T]>
     where
         T: Clone + Serialize + DeserializeOwned,

@@ -104,7 +104,8 @@ impl Coarse {
 impl Network {
     /// The springs of a body whose points with material have bonds of the stiffness one (Pa).
     fn new(body: &Body, residual: &Residual<'_>, rules: &[LayerRule], layout: Layout) -> Self {
-        let has_bonds = residual.solid.base().family().points() > 0;
+        // a process without points of the body has slots for those of others
+        let has_bonds = residual.solid.base().family().slots() > 0;
         if !has_bonds {
             return Network {
                 layout,
