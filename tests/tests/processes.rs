@@ -221,40 +221,8 @@ fn collisions_have_the_same_bits_for_any_number_of_processes() {
         let force = ["x", "z"].map(|axis| alone.number(&format!("{pair} force.{axis}")));
         assert!(force.iter().all(|force| *force != 0.0), "{pair} {force:?}");
     }
-    assert_shared(COLLISION, &alone, &[2, 9], "collision");
+    assert_shared(COLLISION, &alone, &[2, 5], "collision");
     assert_goes_on(COLLISION, 8e-6, &[(3, 2)]);
-}
-
-/// Small bodies, of which some processes own no point.
-#[test]
-fn processes_without_points_of_a_body_share_a_run() {
-    let coarse = |text: &str| text.replace("spacing = 1e-3", "spacing = 2e-3");
-    let linear = |text: &str| text.replace("KINEMATICS", "linear");
-    let quench = QUENCH.replace("FORMULATION", "staggered");
-    let quench = quench.replace("spacing = 1.5e-3", "spacing = 3e-3");
-    let all = [
-        (
-            "heat in a cloud",
-            coarse(&jittered(&weld_by("implicit"))),
-            10,
-        ),
-        ("fracture", coarse(&torn("finite", "energy")), 8),
-        (
-            "strains at points",
-            coarse(&correspondence(&linear(BRACKET))),
-            7,
-        ),
-        (
-            "equilibrium",
-            coarse(&linear(&still(".quasi_static = {}"))),
-            8,
-        ),
-        ("corners", linear(&quench), 5),
-    ];
-    for (name, text, count) in all {
-        let alone = run_alone(&text);
-        assert_shared(&text, &alone, &[count], name);
-    }
 }
 
 #[test]
@@ -462,6 +430,11 @@ fn what_processes_cannot_share_is_refused() {
         assert_eq!(told[0], told[1], "a mistake of all");
         told[0].clone()
     };
+    let weld = WELD.replace("HORIZON", "1");
+    let changed = |right: &str, wrong: &str| {
+        assert!(weld.contains(right));
+        refusal(&weld.replace(right, wrong))
+    };
     let bracket = BRACKET.replace("KINEMATICS", "finite");
     let moving = |right: &str, wrong: &str| {
         assert!(bracket.contains(right));
@@ -473,6 +446,7 @@ fn what_processes_cannot_share_is_refused() {
             "surface_stress = \"extrapolated\"\nkinematics",
         ),
         moving("region = \"foot\"", "face = \"x-\""),
+        changed("spacing = 5e-4", "spacing = 1e-2"),
         refusal(PERIODIC),
     ];
     insta::assert_snapshot!(all.join("\n\n"));

@@ -51,10 +51,6 @@ impl Part {
         let remote = others.filter(|p| owned.binary_search(p).is_err());
         let at = |point: &u32| &body.points.position[*point as usize];
         numbers.extend(remote.filter(|p| near.contains(at(p))));
-        // what all points have in common is read at the first one, also by a process that owns none
-        if numbers.is_empty() {
-            numbers.push(0);
-        }
         Part {
             body: body.subset(&numbers),
             owned: owned.len(),

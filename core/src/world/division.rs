@@ -102,7 +102,7 @@ impl World {
     /// Keeps the part of a body that this process owns, with the points around it that families of `horizon` need.
     ///
     /// # Errors
-    /// For a laminate, and where a periodic body would have to be cut across its period.
+    /// When the body has too few points.
     pub(crate) fn divide(&mut self, body: BodyIndex, horizon: Horizon) -> Result<(), SetupError> {
         let processes = self.processes.size();
         if processes == 1 {
@@ -117,10 +117,8 @@ impl World {
         }
         let Some(owner) = partition::owners(whole, processes) else {
             let name = &whole.name;
-            let message = format!(
-                "body `{name}` is periodic along all axes, and {processes} processes cannot divide it"
-            );
-            return Err(SetupError::value("", message, "one process"));
+            let message = format!("body `{name}` is too small for {processes} processes");
+            return Err(SetupError::value("", message, "fewer processes"));
         };
         let owned_by = |process: u32| -> Vec<u32> {
             let points = 0..owner.len() as u32;

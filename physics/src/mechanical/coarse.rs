@@ -104,8 +104,7 @@ impl Coarse {
 impl Network {
     /// The springs of a body whose points with material have bonds of the stiffness one (Pa).
     fn new(body: &Body, residual: &Residual<'_>, rules: &[LayerRule], layout: Layout) -> Self {
-        // a process without points of the body has slots for those of others
-        let has_bonds = residual.solid.base().family().slots() > 0;
+        let has_bonds = residual.solid.base().family().points() > 0;
         if !has_bonds {
             return Network {
                 layout,
