@@ -110,11 +110,9 @@ pub(super) struct BlockBuilder {
     blocks: Blocks,
     /// Whether points of a block may have any numbers.
     may_mix: bool,
-    /// Whether the next point begins a block.
-    has_ended: bool,
-    /// Weights of the last block, which may still grow; zero if it has its pattern.
+    /// Weights of the last block while it may grow; else zero.
     open: Vec<Weights>,
-    /// Whether the last block has no pattern yet.
+    /// Whether the last block may grow and has no pattern yet.
     is_open: bool,
     /// Pattern of [`BlockBuilder::push_whole`].
     whole: Option<u32>,
@@ -127,7 +125,6 @@ impl BlockBuilder {
         BlockBuilder {
             blocks: Blocks::of_stencil(stencil),
             may_mix: false,
-            has_ended: false,
             open: vec![[[0.0; BLOCK]; 2]; stencil],
             is_open: false,
             whole: None,
@@ -141,11 +138,6 @@ impl BlockBuilder {
             may_mix: true,
             ..BlockBuilder::new(stencil)
         }
-    }
-
-    /// Lets the next point begin a block.
-    pub(super) fn end_block(&mut self) {
-        self.has_ended = true;
     }
 
     /// Number of blocks.
@@ -164,8 +156,8 @@ impl BlockBuilder {
         let follows = |h: &BlockHead| {
             h.len < BLOCK as u32 && h.slot + h.len == slot && (self.may_mix || continues(h))
         };
-        if std::mem::take(&mut self.has_ended) || !self.blocks.head.last().is_some_and(follows) {
-            self.close();
+        if !(self.is_open && self.blocks.head.last().is_some_and(follows)) {
+            self.end_block();
             self.blocks.head.push(BlockHead {
                 point,
                 slot,
@@ -188,13 +180,8 @@ impl BlockBuilder {
 
     /// Adds a block of [`BLOCK`] points, after those before it. The weights are the same for every block that is added so.
     pub(super) fn push_whole(&mut self, point: u32, slot: u32, weights: &[Weights]) {
-        self.close();
-        let pattern = self.whole.unwrap_or_else(|| {
-            self.open.copy_from_slice(weights);
-            let pattern = self.find_pattern();
-            self.open.fill([[0.0; BLOCK]; 2]);
-            pattern
-        });
+        self.end_block();
+        let pattern = self.whole.unwrap_or_else(|| self.find_pattern(weights));
         self.whole = Some(pattern);
         self.blocks.head.push(BlockHead {
             point,
@@ -206,58 +193,56 @@ impl BlockBuilder {
 
     /// Adds all blocks of another builder, behind its own.
     pub(super) fn append(&mut self, mut other: BlockBuilder) {
-        self.close();
-        other.close();
+        self.end_block();
+        other.end_block();
         let patterns = other.blocks.weights.chunks_exact(self.open.len());
-        let numbers: Vec<u32> = patterns
-            .map(|weights| {
-                self.open.copy_from_slice(weights);
-                self.find_pattern()
-            })
-            .collect();
-        self.open.fill([[0.0; BLOCK]; 2]);
+        let numbers: Vec<u32> = patterns.map(|weights| self.find_pattern(weights)).collect();
         let renumbered = |head: &BlockHead| BlockHead {
             pattern: numbers[head.pattern as usize],
             ..*head
         };
         let heads = other.blocks.head.iter().map(renumbered);
         self.blocks.head.extend(heads);
-        self.has_ended = true;
     }
 
-    /// Gives the last block its pattern.
-    fn close(&mut self) {
-        let [before @ .., _] = &self.blocks.head[..] else {
-            return;
-        };
+    /// Lets the next point begin a block.
+    pub(super) fn end_block(&mut self) {
         if !std::mem::take(&mut self.is_open) {
             return;
         }
+        let [before @ .., _] = &self.blocks.head[..] else {
+            return;
+        };
         // most blocks are like the one before
         let before = before.last().map(|head| head.pattern);
         let pattern = match before.filter(|p| self.blocks.pattern(*p) == self.open) {
             Some(pattern) => pattern,
-            None => self.find_pattern(),
+            None => {
+                let open = std::mem::take(&mut self.open);
+                let pattern = self.find_pattern(&open);
+                self.open = open;
+                pattern
+            }
         };
         let head = self.blocks.head.last_mut().expect("there is one");
         head.pattern = pattern;
         self.open.fill([[0.0; BLOCK]; 2]);
     }
 
-    /// The pattern of the weights of the last block.
-    fn find_pattern(&mut self) -> u32 {
-        let bits = self.open.iter().map(|w| w.map(|w| w.map(f64::to_bits)));
+    /// The pattern of these weights.
+    fn find_pattern(&mut self, weights: &[Weights]) -> u32 {
+        let bits = weights.iter().map(|w| w.map(|w| w.map(f64::to_bits)));
         let new = self.known.len() as u32;
         let pattern = *self.known.entry(bits.collect()).or_insert(new);
         if pattern == new {
-            self.blocks.weights.extend(&self.open);
+            self.blocks.weights.extend(weights);
         }
         pattern
     }
 
     /// All blocks.
     pub(super) fn finish(mut self) -> Blocks {
-        self.close();
+        self.end_block();
         self.blocks
     }
 }

@@ -84,7 +84,7 @@ impl<N: Number> Bond<N> {
 ///
 /// Write plain scalar code and mark `bond` `#[inline(always)]`: the sweep vectorises it.
 pub trait BondKernel<const I: usize, const O: usize>: Sync {
-    /// Evaluated rarely: not compiled for each instruction set.
+    /// Evaluated rarely: of sweeps in lanes, only that of blocks of a lattice with AVX2 is compiled.
     const RARE: bool = false;
 
     /// How many of the sums, from the first, the bond adds to at both of its ends ([`BondKernel::ends`]). If any, and the
