@@ -165,7 +165,7 @@ pub(crate) fn expansions_from(
 impl Coupler for ThermalExpansion {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let body = setup.find_body(self.body.as_deref())?;
-        let positions = setup.body(body).points.position.clone();
+        let positions = setup.body(body).points.position.to_vec();
         let key = "reference_temperature";
         let given = GivenValue {
             key,
@@ -226,7 +226,7 @@ impl ThermalExpansion {
             value,
             column: "temperature",
         };
-        let positions = setup.body(body).points.position.clone();
+        let positions = setup.body(body).points.position.to_vec();
         let placed = setup.placed(body, given, positions)?;
         Ok(Temperature::Given(Box::new(placed)))
     }

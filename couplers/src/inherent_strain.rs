@@ -149,7 +149,7 @@ impl Coupler for InherentStrain {
         let this = setup.body(body);
         let usual = [Face::XMax, Face::YMax, Face::ZMax][this.dimension - 1];
         let up = self.up.unwrap_or(usual);
-        let level = |p: u32| this.points.position[p as usize].dot(&up.normal());
+        let level = |p: u32| this.points.position.at(p as usize).dot(&up.normal());
         let lowest = |p: &u32| level(*p) - 0.5 * this.points.spacing[*p as usize];
         let base = points.iter().map(lowest).fold(f64::INFINITY, f64::min);
         let base = setup.world().reducer(body).min(base);

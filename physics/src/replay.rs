@@ -352,7 +352,7 @@ impl Replay {
                 let known = keys::ALL.iter().map(|(name, ..)| *name);
                 return Err(SetupError::unknown(key, "field", name, known));
             };
-            let positions = setup.body(body).points.position.clone();
+            let positions = setup.body(body).points.position.to_vec();
             let values = setup.placed(
                 body,
                 GivenValue {

@@ -91,7 +91,7 @@ pub fn simulation_in_steps(
 
 /// Sets a field from the positions of the points.
 pub fn set<const N: usize>(s: &mut Simulation, field: &str, value: impl Fn([f64; 3]) -> [f64; N]) {
-    let positions = s.world().body(0).points.position.clone();
+    let positions = s.world().body(0).points.position.to_vec();
     for (i, x) in positions.into_iter().enumerate() {
         s.set_initial(0, field, std::iter::once(i), &value(x.into()))
             .expect("the field exists");

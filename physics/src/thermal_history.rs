@@ -386,10 +386,11 @@ impl Neighbourhood<'_> {
     /// Calls `visit` with the other points within [`RADIUS`] of a point, images included, and the ways there over the spacing of the point.
     fn visit(&self, point: usize, mut visit: impl FnMut(usize, Vector3<f64>)) {
         let Neighbourhood { body, list, images } = *self;
-        let (at, spacing) = (body.points.position[point], body.points.spacing[point]);
+        let (at, spacing) = (body.points.position.at(point), body.points.spacing[point]);
         for image in images {
             list.visit_near(&image.origin(at), RADIUS * spacing, |other| {
-                let mut xi: Vector3<f64> = (image.of(body.points.position[other]) - at) / spacing;
+                let mut xi: Vector3<f64> =
+                    (image.of(body.points.position.at(other)) - at) / spacing;
                 (body.dimension..3).for_each(|axis| xi[axis] = 0.0);
                 let is_itself = image.is_original() && other == point;
                 if !is_itself && xi.norm_squared() <= RADIUS * RADIUS {

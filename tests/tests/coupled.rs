@@ -164,7 +164,7 @@ fn vibrating(steps_per_period: f64, periods: f64, coupled: bool, iteration: &str
         [time]\nend = {end}\nstep = {step}\n{iteration}\n[log]\ninterval = {end}"
     );
     let mut simulation = compose(&body, &rest);
-    let positions = simulation.world().body(0).points.position.clone();
+    let positions = simulation.world().body(0).points.position.to_vec();
     for (point, x) in positions.iter().enumerate() {
         let along = -1e-6 * (std::f64::consts::PI * x.x / length).cos();
         let point = std::iter::once(point);

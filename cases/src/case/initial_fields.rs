@@ -163,18 +163,17 @@ impl Case {
                 .set_from_file(simulation, target, field, file)
                 .map_err(|e| self.body_error(&path, e.to_string(), ""));
         }
-        let points = &simulation.world().body(index).points;
-        let count = points.len();
-        let positions = initial.varies().then(|| points.position.clone());
-        match &positions {
-            None => simulation
+        let count = simulation.world().body(index).points.len();
+        match initial.varies() {
+            false => simulation
                 .set_initial(index, field, 0..count, &initial.at([0.0; 3]))
                 .map_err(|e| place(e, &path))?,
-            Some(positions) => {
-                for (point, position) in positions.iter().enumerate() {
-                    let value = initial.at((*position).into());
+            true => {
+                for point in 0..count {
+                    let position = simulation.world().body(index).points.position.at(point);
+                    let value = initial.at(position.into());
                     if let Some(wrong) = value.iter().find(|v| !v.is_finite()) {
-                        let at = perimelt_core::text::position(*position);
+                        let at = perimelt_core::text::position(position);
                         let message = format!("the initial `{field}` is {wrong} at {at} m");
                         return Err(self.body_error(
                             &path,
@@ -210,7 +209,7 @@ impl Case {
         file: &FieldFile,
     ) -> std::result::Result<(), Box<dyn std::error::Error>> {
         let body = simulation.world().body(target.index);
-        let (positions, dimension) = (body.points.position.clone(), body.dimension);
+        let (positions, dimension) = (body.points.position.to_vec(), body.dimension);
         let value = InSpace::File(file.clone());
         let mut placed = value.at(field, &self.folder, positions, dimension)?;
         let values = placed.at(0.0)?.to_vec();

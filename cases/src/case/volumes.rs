@@ -26,7 +26,7 @@ fn difference(filled: f64, asked: f64) -> Option<String> {
 /// A body whose points fill another volume than its shape has.
 pub(super) fn of_body(body: &Body, shape: &Shape) -> Option<String> {
     let asked = body.thickness * shape.measure(body.dimension)?;
-    let difference = difference(body.points.volume.iter().sum(), asked)?;
+    let difference = difference(body.points.volume.each().sum(), asked)?;
     Some(format!(
         "the points of body `{}` have {difference}: heat, mass and stiffness are those of the points; take a smaller `spacing`, or \
          one that divides its thicknesses",

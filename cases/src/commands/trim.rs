@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use perimelt_core::log::{
-    CloudView, Destination, FieldView, Log, LogError, LoggedCloud, Precision, Writer,
+    CloudView, Coordinates, Destination, FieldView, Log, LogError, LoggedCloud, Precision, Writer,
 };
 
 use super::Done;
@@ -238,7 +238,7 @@ fn write_cloud(writer: &mut Writer, body: &str, cloud: &LoggedCloud) -> Result<(
     };
     let view = CloudView {
         time: cloud.time,
-        positions: &cloud.positions,
+        positions: Coordinates::Listed(&cloud.positions),
         fields: &fields,
     };
     writer.points(body, precision, &view)

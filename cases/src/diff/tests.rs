@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use perimelt_core::log::{
-    BodyInfo, CloudView, Entry, FieldInfo, FieldView, Precision, RunInfo, Writer,
+    BodyInfo, CloudView, Coordinates, Entry, FieldInfo, FieldView, Precision, RunInfo, Writer,
 };
 
 use super::*;
@@ -40,7 +40,7 @@ fn write(path: &Path, name: &str, times: &[f64], points: usize, shift: f64) {
         }];
         let cloud = CloudView {
             time,
-            positions: &positions,
+            positions: Coordinates::Listed(&positions),
             fields: &fields,
         };
         writer

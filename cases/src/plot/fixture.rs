@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use perimelt_core::log::{
-    BodyInfo, CloudView, Entry, FieldInfo, FieldView, Precision, Progress, RunInfo, Writer,
+    BodyInfo, CloudView, Coordinates, Entry, FieldInfo, FieldView, Precision, Progress, RunInfo,
+    Writer,
 };
 
 pub(crate) const SPACING: f64 = 2.5e-4;
@@ -74,7 +75,7 @@ pub(crate) fn write_log(path: &Path, cells: [usize; 3]) {
             };
             let cloud = CloudView {
                 time,
-                positions: &positions,
+                positions: Coordinates::Listed(&positions),
                 fields: &[
                     field("temperature", 1, &temperature),
                     field("displacement", 3, &displacement),

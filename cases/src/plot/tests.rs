@@ -1,4 +1,6 @@
-use perimelt_core::log::{BodyInfo, CloudView, FieldView, PlyInfo, Precision, RunInfo, Writer};
+use perimelt_core::log::{
+    BodyInfo, CloudView, Coordinates, FieldView, PlyInfo, Precision, RunInfo, Writer,
+};
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -278,7 +280,7 @@ fn laminate(folder: &Path) {
     });
     let cloud = CloudView {
         time: 0.0,
-        positions: &positions,
+        positions: Coordinates::Listed(&positions),
         fields: &fields,
     };
     writer

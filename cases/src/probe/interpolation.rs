@@ -331,7 +331,7 @@ mod tests {
         weights
             .points
             .iter()
-            .map(|&(p, w)| w * field(&body.points.position[p]))
+            .map(|&(p, w)| w * field(&body.points.position.at(p)))
             .sum()
     }
 
@@ -385,7 +385,7 @@ mod tests {
                 let weights = Weights::at(&body, position, kind, "key").expect("on the body");
                 let to_faces = weights.faces.iter().map(|&(point, face, factor)| {
                     let half_cell = 0.125 * face.normal();
-                    let place = body.points.position[point];
+                    let place = body.points.position.at(point);
                     factor * (field(&(place + half_cell)) - field(&place))
                 });
                 let found = value(&body, position, kind, field) + to_faces.sum::<f64>();

@@ -281,7 +281,7 @@ pub(crate) fn displacement(cloud: &LoggedCloud) -> Option<std::slice::ChunksExac
 mod tests {
     use super::*;
 
-    use perimelt_core::log::{CloudView, FieldView, Precision, RunInfo, Writer};
+    use perimelt_core::log::{CloudView, Coordinates, FieldView, Precision, RunInfo, Writer};
 
     const SPACING: f64 = 1e-3;
 
@@ -331,7 +331,7 @@ mod tests {
             }];
             let cloud = CloudView {
                 time: time as f64,
-                positions: &positions,
+                positions: Coordinates::Listed(&positions),
                 fields: &fields,
             };
             writer

@@ -9,8 +9,8 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 use perimelt_core::body::Ply;
 use perimelt_core::field::{FieldIndex, keys};
 use perimelt_core::log::{
-    BodyInfo, CloudView, Column, Entry, FieldInfo, FieldView, LatticeInfo, LogError, PlyInfo,
-    Precision, Progress, RunInfo, Series, Writer,
+    BodyInfo, CloudView, Column, Coordinates, Entry, FieldInfo, FieldView, LatticeInfo, LogError,
+    PlyInfo, Precision, Progress, RunInfo, Series, Writer,
 };
 use perimelt_core::simulation::Progress as Counters;
 use perimelt_core::world::activity::is_active;
@@ -110,8 +110,6 @@ impl Recorder {
     fn record_points(&mut self, simulation: &Simulation, body: usize) -> Result<(), Failure> {
         let world = simulation.observed();
         let points = world.body(body);
-        let positions = world.positions(body).into_iter();
-        let positions: Vec<[f64; 3]> = positions.map(Into::into).collect();
         let data: Vec<_> = self.fields[body]
             .iter()
             .map(|&f| {
@@ -123,7 +121,8 @@ impl Recorder {
             .collect();
         // points without material are left out
         let there = PresentPoints::of(world, body);
-        let positions = there.rows(&positions, 1);
+        let place = world.place_of_points(body);
+        let at = |row: usize| place(there.point(row)).into();
         let values: Vec<Cow<'_, [f64]>> = data
             .iter()
             .map(|(_, data)| there.rows(data.flat(), data.components()))
@@ -158,7 +157,7 @@ impl Recorder {
         }
         let cloud = CloudView {
             time: simulation.time(),
-            positions: &positions,
+            positions: Coordinates::Computed(there.count(points), &at),
             fields: &fields,
         };
         write(&mut self.writer, |writer| {
@@ -331,8 +330,18 @@ impl PresentPoints {
         PresentPoints(there.filter(|t| t.len() < world.body(body).points.len()))
     }
 
+    /// Number of these points.
+    fn count(&self, body: &Body) -> usize {
+        self.0.as_ref().map_or(body.points.len(), Vec::len)
+    }
+
+    /// The point of a row.
+    fn point(&self, row: usize) -> usize {
+        self.0.as_ref().map_or(row, |points| points[row])
+    }
+
     /// The values of these points, `width` for each.
-    fn rows<'a, T: Copy>(&self, values: &'a [T], width: usize) -> Cow<'a, [T]> {
+    fn rows<'a>(&self, values: &'a [f64], width: usize) -> Cow<'a, [f64]> {
         let Some(points) = &self.0 else {
             return Cow::Borrowed(values);
         };
@@ -343,10 +352,7 @@ impl PresentPoints {
 
 fn lattice_info(body: &Body) -> Option<LatticeInfo> {
     let lattice = body.lattice()?;
-    let (cell, place) = (
-        lattice.cell_of_point.first()?,
-        body.points.position.first()?,
-    );
+    let (cell, place) = (lattice.cell(0), body.points.position.at(0));
     Some(LatticeInfo {
         origin: [0, 1, 2].map(|a| place[a] - f64::from(cell[a]) * lattice.spacing),
         spacing: lattice.spacing,

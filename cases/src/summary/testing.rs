@@ -4,7 +4,7 @@ use std::path::Path;
 
 use perimelt_core::Face;
 use perimelt_core::log::{
-    BodyInfo, CloudView, Entry, FieldInfo, FieldView, Log, Precision, RunInfo, Writer,
+    BodyInfo, CloudView, Coordinates, Entry, FieldInfo, FieldView, Log, Precision, RunInfo, Writer,
 };
 use serde_json::Value;
 
@@ -105,7 +105,7 @@ impl Plate<'_> {
             });
             let cloud = CloudView {
                 time,
-                positions: &positions,
+                positions: Coordinates::Listed(&positions),
                 fields: &fields.collect::<Vec<_>>(),
             };
             let written = writer.points("plate", Precision::F64, &cloud);

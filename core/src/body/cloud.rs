@@ -186,19 +186,20 @@ impl Body {
 impl Points {
     /// In spatial order, and as a cloud with the given slack.
     pub(super) fn into_cloud(self, slack: f64) -> (Points, Discretisation) {
-        let mut order: Vec<u32> = (0..self.position.len() as u32).collect();
-        Curve::through(&self.position, &self.spacing).sort(&mut order, &self.position, |p| p);
+        let mut order: Vec<u32> = (0..self.len() as u32).collect();
+        Curve::of(&self).sort(&mut order, &self.position, |p| p);
         let points = self.reordered(&order);
-        let cloud = Cloud::new(points.position.clone(), &points.spacing, slack);
+        let cloud = Cloud::new(points.position.to_vec(), &points.spacing, slack);
         (points, Discretisation::Cloud(cloud))
     }
 
     fn reordered(&self, order: &[u32]) -> Points {
-        let of = |values: &[f64]| order.iter().map(|&p| values[p as usize]).collect();
+        let of =
+            |values: &[f64]| -> Vec<f64> { order.iter().map(|&p| values[p as usize]).collect() };
         Points {
-            position: order.iter().map(|&p| self.position[p as usize]).collect(),
-            volume: of(&self.volume),
-            spacing: of(&self.spacing),
+            position: self.position.of(order),
+            volume: self.volume.of(order),
+            spacing: self.spacing.of(order),
             horizon_factor: match self.horizon_factor.is_empty() {
                 true => Vec::new(),
                 false => of(&self.horizon_factor),
@@ -217,12 +218,20 @@ pub(crate) struct Curve {
 }
 
 impl Curve {
-    /// Through points with these spacings, m.
-    pub(crate) fn through(position: &[Vector3<f64>], spacing: &[f64]) -> Curve {
+    /// Through these points.
+    pub(crate) fn of(points: &Points) -> Curve {
+        Curve::through(points.position.each(), points.spacing.each())
+    }
+
+    /// Through points at these positions (m) with these spacings (m).
+    pub(crate) fn through(
+        positions: impl Iterator<Item = Vector3<f64>>,
+        spacings: impl Iterator<Item = f64>,
+    ) -> Curve {
         let none = Vector3::repeat(f64::INFINITY);
         Curve {
-            low: position.iter().fold(none, |low, x| low.inf(x)),
-            width: spacing.iter().copied().fold(f64::INFINITY, f64::min),
+            low: positions.fold(none, |low, x| low.inf(&x)),
+            width: spacings.fold(f64::INFINITY, f64::min),
         }
     }
 

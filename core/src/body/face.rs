@@ -92,7 +92,7 @@ impl Face {
 impl Body {
     /// Centre of a cell face of a point, m.
     pub(crate) fn face_centre(&self, point: usize, face: Face) -> Vector3<f64> {
-        self.points.position[point] + face.normal() * self.face_distance(point, face)
+        self.points.position.at(point) + face.normal() * self.face_distance(point, face)
     }
 
     /// Whether a cell face of a point lies in that face of the box around the body, and is no step or wall of a hole.

@@ -55,9 +55,9 @@ mod tests {
     #[test]
     fn equal_horizons_are_one_number() {
         let points = |spacing: [f64; 3]| Points {
-            position: vec![Vector3::zeros(); 3],
-            volume: vec![1.0; 3],
-            spacing: spacing.to_vec(),
+            position: vec![Vector3::zeros(); 3].into(),
+            volume: vec![1.0; 3].into(),
+            spacing: spacing.to_vec().into(),
             horizon_factor: vec![1.0; 3],
         };
         let of = |spacing| Horizons::of(&points(spacing), Horizon::Spacings(3.0));

@@ -21,7 +21,7 @@ impl Cloud {
     ) -> Option<Vec<(usize, f64)>> {
         // coordinates along missing axes are ignored
         let mut at = *at;
-        let plane = points.position[0];
+        let plane = points.position.at(0);
         (dimension..3).for_each(|a| at[a] = plane[a]);
         let own = self.point_at(&points.spacing, &at, None)?;
         // points are displaced from the centres in the list by up to half a spacing
@@ -124,7 +124,7 @@ mod tests {
                 let weights = cloud.weights(&body.points, dimension, &at).expect("inside");
                 let value: f64 = weights
                     .iter()
-                    .map(|&(p, w)| w * linear(&body.points.position[p]))
+                    .map(|&(p, w)| w * linear(&body.points.position.at(p)))
                     .sum();
                 // rounding of a few dozen terms of order one
                 assert!((value - linear(&at)).abs() < 1e-12, "{dimension}D at {at}");

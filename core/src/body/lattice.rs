@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
-use super::{Body, BodyError, Discretisation, Face, Points, bounded, positive};
+use super::{
+    Body, BodyError, Discretisation, Face, Points, Positions, Same, Sizes, bounded, positive,
+};
 use crate::shape::{Bounds, Shape};
 
 /// Marks a lattice cell without a point.
 pub const NO_POINT: u32 = u32::MAX;
 
-/// Uniform grid of cubic cells; points sit at the centres of the cells inside the body.
+/// Uniform grid of cubic cells; points sit at the centres of the cells inside the body. Cells and points are numbered with x running fastest.
 #[derive(Clone, Debug)]
 pub struct Lattice {
     /// Lower corner of cell (0, 0, 0), m.
@@ -19,18 +21,86 @@ pub struct Lattice {
     pub spacing: f64,
     /// Number of cells along x, y, z (1 along axes that the body's dimension leaves out).
     pub cells: [usize; 3],
-    /// Point of each cell (x runs fastest), [`NO_POINT`] where there is no material.
-    pub point_of_cell: Vec<u32>,
-    /// Cell of each point.
-    pub cell_of_point: Vec<[u32; 3]>,
+    /// `None` where every cell holds the point of the same number.
+    numbering: Option<Numbering>,
     /// The lattice of the whole body, where the points are those of a part.
     pub(super) whole: Option<Arc<Lattice>>,
+}
+
+/// Which cells hold points.
+#[derive(Clone, Debug)]
+struct Numbering {
+    /// Number of the point in each cell, [`NO_POINT`] where there is no material.
+    point_of_cell: Vec<u32>,
+    /// Number of the cell of each point.
+    cell_of_point: Vec<u32>,
+}
+
+impl Numbering {
+    /// Points in these of `cells` cells.
+    fn new(cells: usize, cell_of_point: Vec<u32>) -> Self {
+        let mut point_of_cell = vec![NO_POINT; cells];
+        for (point, cell) in (0..).zip(&cell_of_point) {
+            point_of_cell[*cell as usize] = point;
+        }
+        Numbering {
+            point_of_cell,
+            cell_of_point,
+        }
+    }
 }
 
 impl Lattice {
     /// The lattice of the whole body, with the numbers that its points have there; this one where the points are not those of a part.
     pub fn whole(&self) -> &Lattice {
         self.whole.as_deref().unwrap_or(self)
+    }
+
+    /// Number of points.
+    pub fn points(&self) -> usize {
+        match &self.numbering {
+            Some(numbering) => numbering.cell_of_point.len(),
+            None => self.cell_count(),
+        }
+    }
+
+    fn cell_count(&self) -> usize {
+        self.cells.iter().product()
+    }
+
+    /// Cell of a point.
+    #[inline]
+    pub fn cell(&self, point: usize) -> [u32; 3] {
+        self.cell_numbered(match &self.numbering {
+            Some(numbering) => numbering.cell_of_point[point],
+            None => point as u32,
+        })
+    }
+
+    /// Cells of all points, in their order.
+    pub fn cells_of_points(&self) -> impl ExactSizeIterator<Item = [u32; 3]> + Clone {
+        (0..self.points()).map(|point| self.cell(point))
+    }
+
+    #[inline]
+    fn cell_numbered(&self, number: u32) -> [u32; 3] {
+        let [nx, ny] = [self.cells[0] as u32, self.cells[1] as u32];
+        let row = number / nx;
+        [number % nx, row % ny, row / ny]
+    }
+
+    /// The lattice with some of the points of this one, in this order.
+    pub(super) fn subset(self: &Arc<Self>, points: &[u32]) -> Lattice {
+        let cell = |point: &u32| match &self.numbering {
+            Some(numbering) => numbering.cell_of_point[*point as usize],
+            None => *point,
+        };
+        let cells = points.iter().map(cell).collect();
+        Lattice {
+            numbering: Some(Numbering::new(self.cell_count(), cells)),
+            whole: Some(self.clone()),
+            ..**self
+        }
     }
 
     /// Centre of a cell, m.
@@ -46,8 +116,7 @@ impl Lattice {
             true => self.cells[axis] as u32 - 1,
             false => 0,
         };
-        let mut cells = this.cell_of_point.iter();
-        cells.any(|cell| cell[axis] == last)
+        this.numbering.is_none() || this.cells_of_points().any(|cell| cell[axis] == last)
     }
 
     /// Point in the cell with the given (possibly outside) indices.
@@ -56,13 +125,17 @@ impl Lattice {
             return None;
         }
         let [i, j, k] = cell.map(|c| c as usize);
-        let point = self.point_of_cell[(k * self.cells[1] + j) * self.cells[0] + i];
+        let cell = (k * self.cells[1] + j) * self.cells[0] + i;
+        let Some(numbering) = &self.numbering else {
+            return Some(cell);
+        };
+        let point = numbering.point_of_cell[cell];
         (point != NO_POINT).then_some(point as usize)
     }
 
     /// The point in the cell behind a face of a point's cell; the last cell along a periodic axis has the first one behind it.
     pub(super) fn neighbour(&self, point: usize, face: Face, periodic: [bool; 3]) -> Option<usize> {
-        let (cell, step) = (self.cell_of_point[point], face.step());
+        let (cell, step) = (self.cell(point), face.step());
         self.point(std::array::from_fn(|a| {
             let at = i64::from(cell[a]) + step[a];
             match periodic[a] {
@@ -79,8 +152,7 @@ impl Lattice {
 
     /// Whether every cell holds a point.
     pub fn is_full(&self) -> bool {
-        let this = self.whole();
-        this.cell_of_point.len() == this.point_of_cell.len()
+        self.whole().numbering.is_none()
     }
 }
 
@@ -126,41 +198,27 @@ impl Body {
             origin,
             spacing,
             cells,
-            point_of_cell: Vec::new(),
-            cell_of_point: Vec::new(),
+            numbering: None,
             whole: None,
         };
-        let (mut position, mut cell_of_point) = (Vec::new(), Vec::new());
-        let mut point_of_cell = vec![NO_POINT; total as usize];
-        let centre = |cell| lattice.centre(cell);
         let tolerance = 1e-6 * spacing;
-        for (index, point) in point_of_cell.iter_mut().enumerate() {
-            let cell = [
-                index % cells[0],
-                index / cells[0] % cells[1],
-                index / (cells[0] * cells[1]),
-            ]
-            .map(|c| c as u32);
-            let centre = centre(cell);
-            if shape.contains(&centre, tolerance) {
-                *point = position.len() as u32;
-                position.push(centre);
-                cell_of_point.push(cell);
+        let is_inside =
+            |cell: &u32| shape.contains(&lattice.centre(lattice.cell_numbered(*cell)), tolerance);
+        if !(0..total as u32).all(|cell| is_inside(&cell)) {
+            let inside: Vec<u32> = (0..total as u32).filter(is_inside).collect();
+            if inside.is_empty() {
+                return Err(no_points());
             }
+            lattice.numbering = Some(Numbering::new(total as usize, inside));
         }
-        if position.is_empty() {
-            return Err(no_points());
-        }
-        (lattice.point_of_cell, lattice.cell_of_point) = (point_of_cell, cell_of_point);
-        let volume = vec![
-            spacing.powi(dimension as i32)
-                * if dimension == 3 { 1.0 } else { thickness };
-            position.len()
-        ];
+        let depth = if dimension == 3 { 1.0 } else { thickness };
+        let count = lattice.points();
+        let same = |value: f64| Sizes::by(Same { value, count });
+        let lattice = Arc::new(lattice);
         let points = Points {
-            spacing: vec![spacing; position.len()],
-            position,
-            volume,
+            position: Positions::by(lattice.clone()),
+            volume: same(spacing.powi(dimension as i32) * depth),
+            spacing: same(spacing),
             horizon_factor: Vec::new(),
         };
         let discretisation = Discretisation::Lattice(lattice);
@@ -183,7 +241,7 @@ mod tests {
         for (dimension, thickness, volume) in [(1, 0.5, 1.5), (2, 0.1, 0.6), (3, 1.0, 6.0)] {
             let body = block([3.0, 2.0, 1.0], dimension, 0.25, thickness);
             assert!((body.points.volume.iter().sum::<f64>() - volume).abs() < 1e-12);
-            assert_eq!(body.points.position[0].x, 0.125);
+            assert_eq!(body.points.position.at(0).x, 0.125);
         }
     }
 

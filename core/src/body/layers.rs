@@ -15,6 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Body, BodyError, Discretisation, Face, Points, positive};
+use super::{Same, Sizes};
 use crate::shape::{Bounds, Shape};
 
 /// Largest difference between the thickness of a shape and that of its plies, relative: rounding of decimals.
@@ -303,16 +304,19 @@ impl Body {
         let area = spacing * spacing;
         let at = |layer: &Layer| {
             let z = layer.z;
-            let places = plane.points.position.iter();
+            let places = plane.points.position.each();
             places.map(move |x| Vector3::new(x.x, x.y, z))
         };
         let volume = layers
             .iter()
             .flat_map(|layer| std::iter::repeat_n(area * layer.thickness, plane.points.len()));
         let points = Points {
-            position: layers.iter().flat_map(at).collect(),
-            volume: volume.collect(),
-            spacing: vec![spacing; points],
+            position: layers.iter().flat_map(at).collect::<Vec<_>>().into(),
+            volume: volume.collect::<Vec<_>>().into(),
+            spacing: Sizes::by(Same {
+                value: spacing,
+                count: points,
+            }),
             horizon_factor: Vec::new(),
         };
         let layers = Layers {
@@ -401,13 +405,13 @@ mod tests {
                 let next = match body.neighbour(point, Face::ZMax) {
                     Some(other) => {
                         let below = body.face_distance(other, Face::ZMin);
-                        body.points.position[other].z - below
+                        body.points.position.at(other).z - below
                     }
                     None => high.z,
                 };
                 assert!((x.z + above - next).abs() < 1e-14, "{stations:?}, {x}");
             }
-            let lowest = body.points.position[0].z - body.face_distance(0, Face::ZMin);
+            let lowest = body.points.position.at(0).z - body.face_distance(0, Face::ZMin);
             assert!((lowest - low.z).abs() < 1e-14);
             assert_eq!(body.face_distance(0, Face::XMin), 0.05);
         }

@@ -17,6 +17,7 @@ mod outline;
 mod overlap;
 mod part;
 pub(crate) mod partition;
+mod points;
 mod surface;
 mod table;
 mod zones;
@@ -32,11 +33,13 @@ pub use interpolate::weights_among;
 pub use lattice::{Lattice, NO_POINT};
 pub use layers::{Layer, Layers, Layup, LayupError, Ply, Stations};
 pub use part::Part;
+pub use points::{PointRule, PointValues, Points, Positions, Same, Sizes};
 pub use surface::{SurfaceCell, SurfacePoints};
 pub use table::{POINT_COLUMNS, PointTableError};
 pub use zones::{Zone, ZoneError};
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use nalgebra::Vector3;
 
@@ -46,42 +49,6 @@ use crate::shape::{Bounds, Shape};
 use crate::text::{number, position};
 
 use outline::Outline;
-
-/// The points of a body.
-#[derive(Clone, Debug)]
-pub struct Points {
-    /// Reference positions, m.
-    pub position: Vec<Vector3<f64>>,
-    /// Reference volumes, m³ (2D: area times thickness; 1D: length times cross-section).
-    pub volume: Vec<f64>,
-    /// Edge of the cell of each point, m.
-    pub spacing: Vec<f64>,
-    /// Factor of the horizon of each point; empty where it is 1 everywhere.
-    pub horizon_factor: Vec<f64>,
-}
-
-impl Points {
-    /// Horizon of a point, m.
-    pub fn horizon(&self, point: usize, horizon: Horizon) -> f64 {
-        let factor = self.horizon_factor.get(point).copied().unwrap_or(1.0);
-        factor * horizon.of(self.spacing[point])
-    }
-
-    /// Horizons of all points, m.
-    pub fn horizons(&self, horizon: Horizon) -> Vec<f64> {
-        (0..self.len()).map(|p| self.horizon(p, horizon)).collect()
-    }
-
-    /// Number of points.
-    pub fn len(&self) -> usize {
-        self.position.len()
-    }
-
-    /// Whether there is no point.
-    pub fn is_empty(&self) -> bool {
-        self.position.is_empty()
-    }
-}
 
 /// A named part of a body.
 #[derive(Clone, Debug)]
@@ -94,7 +61,7 @@ pub struct Region {
 #[derive(Clone, Debug)]
 pub enum Discretisation {
     /// Centres of the cells of one uniform grid.
-    Lattice(Lattice),
+    Lattice(Arc<Lattice>),
     /// Points with individual spacings.
     Cloud(Cloud),
     /// Layers of points over one plane grid.
@@ -356,7 +323,7 @@ impl Body {
                 whole: Some(whole), ..
             }) => whole.spacings,
             _ => {
-                let each = self.points.spacing.iter().copied();
+                let each = self.points.spacing.each();
                 [
                     each.clone().fold(f64::INFINITY, f64::min),
                     each.fold(0.0, f64::max),
@@ -368,14 +335,9 @@ impl Body {
     /// Points whose centres lie inside `shape`, ascending.
     pub fn points_in(&self, shape: &Shape) -> Region {
         let tolerance = 1e-6 * self.finest_spacing();
-        let inside = |p: &(usize, &Vector3<f64>)| shape.contains(p.1, tolerance);
-        let points = self
-            .points
-            .position
-            .iter()
-            .enumerate()
-            .filter(inside)
-            .map(|(i, _)| i as u32);
+        let inside = |p: &(u32, Vector3<f64>)| shape.contains(&p.1, tolerance);
+        let points = (0..).zip(self.points.position.each());
+        let points = points.filter(inside).map(|(point, _)| point);
         Region {
             points: points.collect(),
         }
@@ -401,7 +363,7 @@ impl Body {
                 }
                 let (min, max) = self.bounds();
                 let box_volume: f64 = (0..self.dimension).map(|a| max[a] - min[a]).product();
-                let volume: f64 = self.points.volume.iter().sum();
+                let volume: f64 = self.points.volume.each().sum();
                 // rounding of sums and of spacings given in decimals
                 volume > (1.0 - 1e-6) * box_volume * self.thickness
             }
@@ -421,8 +383,8 @@ impl Body {
         let across = (0..self.dimension).filter(|a| *a != axis);
         let expected: f64 = across.map(cells).product();
         [min[axis], max[axis]].into_iter().all(|face| {
-            let at_face = |x: &&Vector3<f64>| (x[axis] - face).abs() < self.finest_spacing();
-            self.points.position.iter().filter(at_face).count() as f64 == expected
+            let at_face = |x: &Vector3<f64>| (x[axis] - face).abs() < self.finest_spacing();
+            self.points.position.each().filter(at_face).count() as f64 == expected
         })
     }
 

@@ -63,7 +63,7 @@ impl Outline {
         face: Face,
     ) -> (f64, Option<Vector3<f64>>) {
         let spacing = points.spacing[point];
-        let at = points.position[point] + face.normal() * (0.5 * spacing);
+        let at = points.position.at(point) + face.normal() * (0.5 * spacing);
         let (fraction, inclined) = self.projected(at, face, spacing);
         let correction = inclined.map_or(1.0, |part| self.correction[part.part]);
         (fraction * correction, inclined.map(|part| part.normal))
@@ -102,11 +102,11 @@ impl Outline {
         for point in 0..body.points.len() {
             let bare = |f: &&Face| body.neighbour(point, **f).is_none();
             for face in faces.iter().filter(bare) {
-                let at = body.points.position[point] + face.normal() * (0.5 * lattice.spacing);
+                let at = body.points.position.at(point) + face.normal() * (0.5 * lattice.spacing);
                 let (area, part) = self.projected(at, *face, lattice.spacing);
                 if let Some(part) = part {
                     coarse[part.part] += area;
-                    let cell = lattice.cell_of_point[point].map(i64::from);
+                    let cell = lattice.cell(point).map(i64::from);
                     near.extend(neighbourhood(cell, body.dimension));
                 }
             }

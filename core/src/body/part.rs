@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 
 use super::cloud::WholeCloud;
-use super::{Body, Curve, Discretisation, Horizon, Lattice, NO_POINT, Points, Region};
+use super::{Body, Curve, Discretisation, Horizon, NO_POINT, Points, Positions, Region};
 
 /// A part of a body: the points that it owns, then the *remote* ones around them that others own, each in the order of the whole
 /// body. A family of a part ([`Family::of_part`](crate::Family::of_part)) has the bonds of the owned points, in the order in
@@ -29,7 +29,7 @@ impl Part {
         Part {
             owned: body.points.len(),
             numbers: (0..body.points.len() as u32).collect(),
-            curve: Curve::through(&body.points.position, &body.points.spacing),
+            curve: Curve::of(&body.points),
             coarsest: body.coarsest_spacing(),
             body: body.clone(),
         }
@@ -49,13 +49,13 @@ impl Part {
         let mut numbers = owned.to_vec();
         let others = 0..body.points.len() as u32;
         let remote = others.filter(|p| owned.binary_search(p).is_err());
-        let at = |point: &u32| &body.points.position[*point as usize];
-        numbers.extend(remote.filter(|p| near.contains(at(p))));
+        let at = |point: &u32| body.points.position.at(*point as usize);
+        numbers.extend(remote.filter(|p| near.contains(&at(p))));
         Part {
             body: body.subset(&numbers),
             owned: owned.len(),
             numbers,
-            curve: Curve::through(&body.points.position, &body.points.spacing),
+            curve: Curve::of(&body.points),
             coarsest: body.coarsest_spacing(),
         }
     }
@@ -105,9 +105,9 @@ impl Surroundings {
 
     /// Those of some points of a body, on cells of the width `reach` (m) or wider.
     fn of(points: &[u32], body: &Body, reach: f64) -> Self {
-        let mut all = body.points.position.iter();
-        let first = all.next().copied().unwrap_or_default();
-        let (low, high) = all.fold((first, first), |(low, high), x| (low.inf(x), high.sup(x)));
+        let mut all = body.points.position.each();
+        let first = all.next().unwrap_or_default();
+        let (low, high) = all.fold((first, first), |(low, high), x| (low.inf(&x), high.sup(&x)));
         let width = reach.max((high - low).max() / Self::MOST);
         let cells = [0, 1, 2].map(|axis| ((high - low)[axis] / width) as usize + 1);
         let mut surroundings = Surroundings {
@@ -117,7 +117,7 @@ impl Surroundings {
             is_near: vec![false; cells.iter().product()],
         };
         for point in points {
-            let cell = surroundings.cell(&body.points.position[*point as usize]);
+            let cell = surroundings.cell(&body.points.position.at(*point as usize));
             surroundings.is_near[cell] = true;
         }
         (0..3).for_each(|axis| surroundings.widen(axis));
@@ -195,21 +195,10 @@ impl Body {
         let points = &self.points;
         let discretisation = match &self.discretisation {
             Discretisation::Lattice(lattice) => {
-                let mut lattice = Lattice {
-                    point_of_cell: vec![NO_POINT; lattice.point_of_cell.len()],
-                    cell_of_point: of(&lattice.cell_of_point, numbers),
-                    whole: Some(Arc::new(lattice.clone())),
-                    ..*lattice
-                };
-                for (point, cell) in (0..).zip(&lattice.cell_of_point) {
-                    let [i, j, k] = cell.map(|c| c as usize);
-                    let [nx, ny, _] = lattice.cells;
-                    lattice.point_of_cell[(k * ny + j) * nx + i] = point;
-                }
-                Discretisation::Lattice(lattice)
+                Discretisation::Lattice(Arc::new(lattice.subset(numbers)))
             }
             Discretisation::Cloud(cloud) => {
-                let spacing = of(&points.spacing, numbers);
+                let spacing = points.spacing.of(numbers);
                 let centres = of(cloud.centres(), numbers);
                 let whole = WholeCloud {
                     fills_box: self.fills_box(),
@@ -222,9 +211,12 @@ impl Body {
         };
         Body {
             points: Points {
-                position: of(&points.position, numbers),
-                volume: of(&points.volume, numbers),
-                spacing: of(&points.spacing, numbers),
+                position: match &discretisation {
+                    Discretisation::Lattice(lattice) => Positions::by(lattice.clone()),
+                    _ => points.position.of(numbers),
+                },
+                volume: points.volume.subset(numbers),
+                spacing: points.spacing.subset(numbers),
                 horizon_factor: of(&points.horizon_factor, numbers),
             },
             discretisation,

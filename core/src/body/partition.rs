@@ -20,19 +20,22 @@ struct Group {
 /// The process that owns each point of a body, for this number of processes. Periodic axes are not cut. `None` where some process would own
 /// nothing.
 pub(crate) fn owners(body: &Body, processes: usize) -> Option<Vec<u32>> {
-    let positions = body.points.position.chunks(GROUP).enumerate();
-    let mut groups: Vec<Group> = positions
-        .map(|(number, positions)| Group {
+    let count = body.points.len();
+    let group = |number: usize| {
+        let points = GROUP * number..(GROUP * (number + 1)).min(count);
+        let sum: Vector3<f64> = (points.clone().map(|point| body.points.position.at(point))).sum();
+        Group {
             number,
-            points: positions.len(),
-            centre: positions.iter().sum::<Vector3<f64>>() / positions.len() as f64,
-        })
-        .collect();
+            points: points.len(),
+            centre: sum / points.len() as f64,
+        }
+    };
+    let mut groups: Vec<Group> = (0..count.div_ceil(GROUP)).map(group).collect();
     let axes: Vec<usize> = (0..body.dimension).filter(|a| !body.periodic[*a]).collect();
     let mut owner_of_group = vec![0; groups.len()];
     bisect(&mut groups, &axes, 0..processes as u32, &mut owner_of_group)?;
     Some(
-        (0..body.points.len())
+        (0..count)
             .map(|point| owner_of_group[point / GROUP])
             .collect(),
     )
@@ -130,7 +133,7 @@ mod tests {
             let owner = owners(&body, processes).expect("enough points");
             let lattice = body.lattice().expect("a lattice");
             let differs = |point: usize, axis: usize| {
-                let mut cell = lattice.cell_of_point[point].map(i64::from);
+                let mut cell = lattice.cell(point).map(i64::from);
                 cell[axis] += 1;
                 lattice
                     .point(cell)
@@ -149,7 +152,7 @@ mod tests {
         let mut body = block([64, 8, 8]);
         body.periodic = [true, false, false];
         let owner = owners(&body, 2).expect("enough points");
-        let row = |point: usize| body.points.position[point].yz();
+        let row = |point: usize| body.points.position.at(point).yz();
         for (a, b) in (0..owner.len()).map(|p| (p, p ^ 1)) {
             assert!(row(a) != row(b) || owner[a] == owner[b]);
         }

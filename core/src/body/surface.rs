@@ -163,7 +163,7 @@ impl SurfacePoints {
         }
         let mut points = SurfacePoints::default();
         for point in number.iter().map(|number| *number as usize) {
-            points.position.push(body.points.position[point]);
+            points.position.push(body.points.position.at(point));
             points.volume.push(body.points.volume[point]);
             points
                 .width

@@ -61,12 +61,7 @@ impl Body {
             (None, Some(spacing)) => (false, spacing),
             (None, None) => return Err(PointTableError::Column("volume").into()),
         };
-        let mut points = Points {
-            position: Vec::new(),
-            volume: Vec::new(),
-            spacing: Vec::new(),
-            horizon_factor: Vec::new(),
-        };
+        let (mut positions, mut volumes_of, mut spacings) = (Vec::new(), Vec::new(), Vec::new());
         for (row, line) in table.lines().enumerate() {
             let number = |column: usize, expected: &'static str, least: f64| {
                 let text = table.text(row, column);
@@ -89,14 +84,20 @@ impl Body {
                 (size.powi(dimension as i32) * depth, size)
             };
             if shape.contains(&x, 1e-6 * spacing) {
-                points.position.push(x);
-                points.volume.push(volume);
-                points.spacing.push(spacing);
+                positions.push(x);
+                volumes_of.push(volume);
+                spacings.push(spacing);
             }
         }
-        if points.is_empty() {
+        if positions.is_empty() {
             return Err(PointTableError::Empty.into());
         }
+        let points = Points {
+            position: positions.into(),
+            volume: volumes_of.into(),
+            spacing: spacings.into(),
+            horizon_factor: Vec::new(),
+        };
         let (points, discretisation) = points.into_cloud(SLACK);
         Ok(Body::new(
             name,
@@ -129,7 +130,7 @@ mod tests {
         assert!((body.points.spacing[0] - 0.2).abs() < 1e-15);
         let body = read("spacing,y,x\n0.2,0.3,0.2").expect("valid");
         assert!((body.points.volume[0] - 0.02).abs() < 1e-15);
-        assert_eq!(body.points.position[0].z, 0.5);
+        assert_eq!(body.points.position.at(0).z, 0.5);
     }
 
     #[test]

@@ -168,9 +168,9 @@ impl Body {
         }
         let volume = spacing.iter().map(|s| s.powi(dimension as i32) * depth);
         let points = Points {
-            volume: volume.collect(),
-            position,
-            spacing,
+            volume: volume.collect::<Vec<_>>().into(),
+            position: position.into(),
+            spacing: spacing.into(),
             horizon_factor,
         };
         let (points, discretisation) = points.into_cloud(0.0);

@@ -330,7 +330,7 @@ mod tests {
                 for point in 0..lost.len() {
                     let expected = all[point][0] - lost[point];
                     assert!((left[point][0] - expected).abs() < 1e-12 * all[point][0]);
-                    let near = (body.points.position[point].x - 20.0).abs() < 3.0;
+                    let near = (body.points.position.at(point).x - 20.0).abs() < 3.0;
                     assert_eq!(broken.of(point) > 0, near, "at {point}");
                 }
                 sums.push(left);

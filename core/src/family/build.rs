@@ -175,7 +175,7 @@ impl Gathering<'_> {
         let mut found = Gathered::new(bonds.steps.len());
         for point in points {
             let slot = bonds.slot_of_point[point];
-            let from = &body.points.position[point];
+            let from = &body.points.position.at(point);
             let end = |m: &Member<'_>| from + Vector3::from(m.bond.xi);
             let is_whole = |m: &Member<'_>| !severed(&self.cuts, from, &end(m));
             let members = || bonds.members(point).filter(is_whole);

@@ -139,7 +139,7 @@ impl<'a> CloudBonds<'a> {
         let near = TIE * self.spacing[point];
         if members.iter().any(|(_, b)| b.length <= near) {
             return Err(FamilyError::Coincident {
-                at: body.points.position[point].into(),
+                at: body.points.position.at(point).into(),
             });
         }
         let own = || members.iter().map(|(_, b)| b).filter(|b| b.weight > 0.0);
@@ -168,7 +168,7 @@ impl<'a> CloudBonds<'a> {
 
     fn no_neighbours(&self, body: &Body, point: usize) -> FamilyError {
         FamilyError::NoNeighbours {
-            at: body.points.position[point].into(),
+            at: body.points.position.at(point).into(),
             horizon: self.horizon[point],
         }
     }

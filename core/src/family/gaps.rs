@@ -39,7 +39,7 @@ pub(crate) fn warnings(body: &Body, spec: &FamilySpec) -> Vec<String> {
     let describe = |finding: Finding, what: &str| {
         let mut points = found.iter().filter(|(f, _)| *f == finding);
         let (_, first) = points.next()?;
-        let [x, y, z] = body.points.position[*first].into();
+        let [x, y, z] = body.points.position.at(*first).into();
         let name = &body.name;
         let number = 1 + points.count();
         Some(format!(
@@ -147,7 +147,7 @@ impl<'a> Review<'a> {
             (a.min(b), a.max(b))
         };
         let reach = 0.5 * (low + high) + self.slack * low;
-        let offset: Vector3<f64> = points.position[a] - points.position[b];
+        let offset: Vector3<f64> = points.position.at(a) - points.position.at(b);
         offset
             .iter()
             .take(self.body.dimension)

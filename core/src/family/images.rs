@@ -119,7 +119,7 @@ impl Images {
         near.sort_by_key(|i| (i.order, i.face, share.number(i.point as usize), i.image.n));
 
         let mut all = Images {
-            position: positions.clone(),
+            position: positions.to_vec(),
             point: (0..positions.len() as u32).collect(),
             audited: vec![false; positions.len()],
             rank: (0..body.points.len()).map(|p| share.number(p)).collect(),

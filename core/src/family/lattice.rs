@@ -75,11 +75,11 @@ impl LatticeBonds {
         }
         let reach = stencil.iter().map(|(step, _)| step[0]).max().unwrap_or(0);
         let padded = PaddedLattice::new(share, lattice, reach);
-        let slot_of = |cell: &[u32; 3]| {
+        let slot_of = |cell: [u32; 3]| {
             let slot = padded.slot(cell.map(i64::from));
             slot.expect("points lie inside the padded lattice") as u32
         };
-        let slot_of_point: Vec<u32> = lattice.cell_of_point.iter().map(slot_of).collect();
+        let slot_of_point: Vec<u32> = lattice.cells_of_points().map(slot_of).collect();
         let mut mirror_of = vec![EMPTY; padded.len()];
         for (point, &slot) in slot_of_point.iter().enumerate() {
             mirror_of[slot as usize] = point as u32;
@@ -312,7 +312,7 @@ impl PaddedLattice {
         let pad = std::array::from_fn(|axis| if is_along(axis) { reach } else { 0 });
         let (mut first, mut cells) = ([0; 3], [0; 3]);
         for axis in 0..3 {
-            let along = || lattice.cell_of_point.iter().map(|c| i64::from(c[axis]));
+            let along = || lattice.cells_of_points().map(|c| i64::from(c[axis]));
             let (low, high) = match share.is_whole() {
                 true => (0, lattice.cells[axis] as i64 - 1),
                 false => (along().min().unwrap_or(0), along().max().unwrap_or(0)),
@@ -390,7 +390,7 @@ fn mirror(
     let reach = padded.pad.into_iter().max().unwrap_or(0) as f64;
     let images = BoxImages::of_box(ends, body.periodic, faces, reach);
     let centre = |point: u32| {
-        let cell = lattice.cell_of_point[point as usize];
+        let cell = lattice.cell(point as usize);
         Vector3::from(cell.map(|c| f64::from(c) + 0.5))
     };
     let slot = |point: u32, image: BoxImage| {
@@ -398,7 +398,7 @@ fn mirror(
         padded.slot(at.map(|x| x.floor() as i64).into())
     };
     let mut near = Vec::new();
-    for point in 0..lattice.cell_of_point.len() as u32 {
+    for point in 0..lattice.points() as u32 {
         images.for_each_near(&centre(point), |image, _| {
             if let Some(step) = image.last_step(body.periodic)
                 && slot(point, image).is_some()

@@ -111,7 +111,7 @@ impl Family {
             coarsest,
         } = part;
         check(&body, spec)?;
-        let (positions, volumes) = (body.points.position.clone(), body.points.volume.clone());
+        let (positions, volumes) = (body.points.position.to_vec(), body.points.volume.to_vec());
         let slots = PointSlots::sorted(Vec::new());
         let mut family = Family {
             points: owned,
@@ -123,8 +123,8 @@ impl Family {
             owned,
             numbers,
             coarsest,
-            spacing_of_point: spacings.clone(),
-            horizon: spacings.iter().map(|s| spec.horizon.of(*s)).collect(),
+            spacing_of_point: spacings.to_vec(),
+            horizon: spacings.each().map(|s| spec.horizon.of(s)).collect(),
             skin: skin(curve.width),
             list: CellList::default(),
             unit_moment: spec.moment(&body, 1.0),
@@ -163,7 +163,10 @@ impl Family {
             panic!("the family does not move");
         };
         assert!(following.is_whole(), "a part is cut anew");
-        let curve = Curve::through(positions, &following.spacing_of_point);
+        let curve = Curve::through(
+            positions.iter().copied(),
+            following.spacing_of_point.iter().copied(),
+        );
         self.find_rows(positions, curve);
     }
 
@@ -210,7 +213,8 @@ impl Family {
             (&mut *volume, &body.points.volume),
             (&mut *spacing, &body.points.spacing),
         ] {
-            by_slot.clone_from(own);
+            by_slot.clear();
+            by_slot.extend(own);
             for ghost in &self.slots.ghosts {
                 by_slot.push(by_slot[ghost.source as usize]);
             }

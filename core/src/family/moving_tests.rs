@@ -62,7 +62,7 @@ fn the_order_of_the_points_does_not_matter() {
     let points = body.points.len();
     // 7 and the number of points have no common divisor
     let order: Vec<usize> = (0..points).map(|i| 7 * i % points).collect();
-    let (position, volume) = (body.points.position.clone(), body.points.volume.clone());
+    let (position, volume) = (body.points.position.to_vec(), body.points.volume.clone());
     for (at, &from) in order.iter().enumerate() {
         body.points.position[at] = position[from];
         body.points.volume[at] = volume[from];
@@ -91,7 +91,7 @@ fn a_point_far_outside_of_its_box_is_no_panic() {
         ..FamilySpec::new(0.25)
     };
     let mut family = Family::moving(&body, &spec).expect("valid");
-    let mut positions = body.points.position.clone();
+    let mut positions = body.points.position.to_vec();
     // only its second periodic copy lies near the box
     positions[0].x = 2.5 * 0.8;
     family.rebuild_rows(&positions);

@@ -224,7 +224,7 @@ impl Fluid {
 
     /// Moves the points; parts are cut anew when a point has moved by half the skin.
     fn flow(&mut self, spec: &FamilySpec, part_of: impl Fn(&Vector3<f64>) -> usize + Copy) {
-        let volume = self.body.points.volume.clone();
+        let volume = self.body.points.volume.to_vec();
         let half_skin = 0.5 * moving::skin(self.body.finest_spacing());
         let mut found_at = Vec::<Vector3<f64>>::new();
         let mut world: Option<World> = None;
@@ -239,7 +239,7 @@ impl Fluid {
                     let owners = before.owner.iter().zip(now);
                     self.handed_over += owners.filter(|(a, b)| a.0 != b.0).count();
                 }
-                found_at.clone_from(positions);
+                found_at = positions.to_vec();
             }
             let world = world.as_mut().expect("it was cut");
             for (part, family) in world.parts.iter().zip(&mut world.families) {

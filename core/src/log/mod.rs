@@ -88,13 +88,39 @@ pub struct CloudField {
     pub values: Vec<f64>,
 }
 
+/// Positions of points, m.
+#[derive(Clone, Copy)]
+pub enum Coordinates<'a> {
+    /// A list.
+    Listed(&'a [[f64; 3]]),
+    /// Those that a function gives, of the points from zero on up to a number.
+    Computed(usize, &'a dyn Fn(usize) -> [f64; 3]),
+}
+
+impl Coordinates<'_> {
+    /// Number of points.
+    pub fn count(&self) -> usize {
+        match self {
+            Coordinates::Listed(list) => list.len(),
+            Coordinates::Computed(count, _) => *count,
+        }
+    }
+
+    fn at(&self, point: usize) -> [f64; 3] {
+        match self {
+            Coordinates::Listed(list) => list[point],
+            Coordinates::Computed(_, at) => at(point),
+        }
+    }
+}
+
 /// One body at one time, borrowed for writing.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct CloudView<'a> {
     /// simulated time, s
     pub time: f64,
     /// current positions of all points, m
-    pub positions: &'a [[f64; 3]],
+    pub positions: Coordinates<'a>,
     /// fields to log
     pub fields: &'a [FieldView<'a>],
 }

@@ -183,23 +183,20 @@ fn pack<const WIDTH: usize>(
     to_bytes: impl Fn(f64) -> [u8; WIDTH],
 ) {
     let stride = data.len().checked_div(range.len()).unwrap_or(1);
-    let mut offset = 0;
-    let positions = (3, cloud.positions.as_flattened());
-    let fields = cloud
-        .fields
-        .iter()
-        .map(|field| (field.components, field.values));
-    for (components, values) in std::iter::once(positions).chain(fields) {
-        let end = offset + components * WIDTH;
-        let values = &values[components * range.start..components * range.end];
-        for (point, values) in data
-            .chunks_exact_mut(stride)
-            .zip(values.chunks_exact(components))
-        {
-            for (bytes, value) in point[offset..end].chunks_exact_mut(WIDTH).zip(values) {
-                bytes.copy_from_slice(&to_bytes(*value));
-            }
+    let put = |place: &mut [u8], values: &[f64]| {
+        for (bytes, value) in place.chunks_exact_mut(WIDTH).zip(values) {
+            bytes.copy_from_slice(&to_bytes(*value));
         }
+    };
+    let points = data.chunks_exact_mut(stride).zip(range.clone());
+    points.for_each(|(place, point)| put(&mut place[..3 * WIDTH], &cloud.positions.at(point)));
+    let mut offset = 3 * WIDTH;
+    for field in cloud.fields {
+        let (components, end) = (field.components, offset + field.components * WIDTH);
+        let values =
+            field.values[components * range.start..components * range.end].chunks_exact(components);
+        let points = data.chunks_exact_mut(stride).zip(values);
+        points.for_each(|(place, values)| put(&mut place[offset..end], values));
         offset = end;
     }
 }
@@ -350,6 +347,7 @@ fn number(bytes: &[u8]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::log::Coordinates;
     use crate::log::FieldView;
 
     #[test]
@@ -403,7 +401,7 @@ mod tests {
     fn times_have_seconds_and_nanoseconds() {
         let cloud = CloudView {
             time: 1.5,
-            positions: &[[0.0; 3]],
+            positions: Coordinates::Listed(&[[0.0; 3]]),
             fields: &[],
         };
         let mut buffer = Vec::new();
@@ -423,7 +421,7 @@ mod tests {
         };
         let cloud = CloudView {
             time: 0.0,
-            positions: &[[0.0; 3]],
+            positions: Coordinates::Listed(&[[0.0; 3]]),
             fields: &[field],
         };
         let mut buffer = Vec::new();

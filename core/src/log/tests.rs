@@ -102,7 +102,7 @@ fn log_cloud(
         .collect();
     let view = CloudView {
         time: cloud.time,
-        positions: &cloud.positions,
+        positions: Coordinates::Listed(&cloud.positions),
         fields: &fields,
     };
     writer.points(BODY, precision, &view)
@@ -441,7 +441,7 @@ fn mistakes_in_logging_are_refused() {
     let good = some_cloud(0.0, 4, 1);
     let view = CloudView {
         time: 0.0,
-        positions: &good.positions,
+        positions: Coordinates::Listed(&good.positions),
         fields: &[],
     };
     let unknown = writer.points("plat", Precision::F32, &view).unwrap_err();

@@ -184,7 +184,7 @@ impl Writer {
         self.index(&topic, cloud.time, None)?;
         let mut buffer = std::mem::take(&mut self.buffer);
         let mut written = Ok(());
-        for (part, range) in parts(cloud.positions.len(), points_per_part) {
+        for (part, range) in parts(cloud.positions.count(), points_per_part) {
             buffer.clear();
             point_cloud::encode(&mut buffer, cloud, range, precision, log_time);
             written = self.write_part(&topic, part, log_time, &buffer);
@@ -408,7 +408,7 @@ fn check_fields(body: &str, cloud: &CloudView) -> Result<(), LogError> {
                 what,
             });
         }
-        let expected = cloud.positions.len() * field.components;
+        let expected = cloud.positions.count() * field.components;
         let found = field.values.len();
         if found != expected {
             return Err(LogError::FieldLength {

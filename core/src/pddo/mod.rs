@@ -364,7 +364,7 @@ impl Pddo {
         let at = |place: &Vector3<f64>| {
             let (mut sum, mut number) = (0.0, 0u32);
             list.visit_near(place, 0.0, |point| {
-                let xi = place - body.points.position[point];
+                let xi = place - body.points.position.at(point);
                 if xi.norm() <= reach[point] {
                     sum += values[point] + derivatives.series(point, &xi);
                     number += 1;

@@ -122,7 +122,7 @@ fn derivatives_on_irregular_points_are_as_near_as_published() {
     for seed in 1..=5 {
         let body = irregular(21, 0.2, seed);
         let all = derivatives(&body, &operator(&body, 3.015, 2, false), f);
-        let middle = Vector3::new(1.0, 1.0, body.points.position[0].z);
+        let middle = Vector3::new(1.0, 1.0, body.points.position.at(0).z);
         let found = body
             .points
             .position
@@ -158,7 +158,7 @@ fn interpolation_from_irregular_points_is_nearer_than_published_and_converges() 
         let spacing = 2.0 / (points - 1) as f64;
         let place = |k: usize| {
             let [x, y] = [k % points, k / points].map(|i| i as f64 * spacing);
-            Vector3::new(x, y, body.points.position[0].z)
+            Vector3::new(x, y, body.points.position.at(0).z)
         };
         let places: Vec<Vector3<f64>> = (0..points * points).map(place).collect();
         let found = pddo.interpolate(&body, &values, &all, &places);
@@ -393,7 +393,7 @@ fn a_moving_family_is_that_of_points_which_lie_there() {
     spec.layers = vec![Face::YMin, Face::YMax];
     let mut family = Arc::new(Family::moving(&body, &spec).expect("valid"));
     let mut moving = Pddo::build(&body, family.clone(), 2).expect("not degenerate");
-    let volume = body.points.volume.clone();
+    let volume = body.points.volume.to_vec();
     let mut follow = |moving: &mut Pddo, positions: &[Vector3<f64>], is_far: bool| {
         let place = || {
             let released = Arc::get_mut(&mut family).expect("released");

@@ -119,7 +119,11 @@ impl Setup<'_> {
         let around = exchange.around.as_ref()?;
         let cells = exchange.cells();
         let lonely = (0..cells.len()).find(|&cell| around.near().of(cell).0.is_empty())?;
-        let at = self.body(exchange.body).points.position[cells[lonely].point as usize];
+        let at = self
+            .body(exchange.body)
+            .points
+            .position
+            .at(cells[lonely].point as usize);
         let message = format!(
             "no point of body `{}` lies within {} m of the point at {} m, which has a free face `{}`",
             self.body(around.body).name,

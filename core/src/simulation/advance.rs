@@ -217,7 +217,7 @@ impl Simulation {
                 field: field.name.clone(),
                 body: body.name.clone(),
                 point: at / components,
-                position: body.points.position[at / components].into(),
+                position: body.points.position.at(at / components).into(),
                 value: data.flat()[at],
                 time: step.end(),
                 step: step.size,

@@ -4,8 +4,8 @@ use std::cell::Ref;
 use std::io;
 
 use serde::de::IgnoredAny;
-use serde::{Deserialize, Serialize, Serializer, ser};
-use serde_bytes::{ByteBuf, Bytes};
+use serde::{Deserialize, Serialize, Serializer};
+use serde_bytes::ByteBuf;
 
 use super::{ClockState, Ready, Simulation};
 use crate::error::RunError;
@@ -17,7 +17,7 @@ use crate::stepping::{Step, Update};
 pub(super) type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);
 
 /// Version of the layout of checkpoints, those of plugins included.
-const FORMAT: u32 = 13;
+const FORMAT: u32 = 14;
 
 /// A field with its values as bytes, little-endian.
 #[derive(Serialize, Deserialize)]
@@ -27,13 +27,14 @@ struct SavedField<V> {
     values: V,
 }
 
-/// What is saved, with the values of fields and the states of plugins as bytes.
+/// What a checkpoint begins with. The states of the plugins follow one by one, written and read where they are: they do not stand in
+/// memory a second time.
 #[derive(Serialize, Deserialize)]
-struct Checkpoint<V, S> {
+struct Checkpoint<V> {
     clock: ClockState,
     fields: Vec<SavedField<V>>,
-    physics: Vec<S>,
-    couplers: Vec<S>,
+    /// Numbers of physics and of couplers.
+    plugins: [usize; 2],
     /// Where the rows of moving families were found, m.
     rows_found_at: Vec<Vec<nalgebra::Vector3<f64>>>,
 }
@@ -58,16 +59,6 @@ impl Serialize for FieldValues<'_> {
     }
 }
 
-/// The state of a plugin, packed when it is written.
-struct PluginState<'a>(Box<dyn erased_serde::Serialize + 'a>);
-
-impl Serialize for PluginState<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let packed = pack(&*self.0).map_err(ser::Error::custom)?;
-        Bytes::new(&packed).serialize(serializer)
-    }
-}
-
 impl Simulation {
     pub(super) fn save_physics(&self) -> Result<Vec<SavedPhysics>, RunError> {
         let save = |(p, state): (&Ready<dyn RunningPhysics>, &Vec<FieldIndex>)| {
@@ -75,7 +66,7 @@ impl Simulation {
                 .iter()
                 .map(|&f| self.world.fields.field(f).data().flat().to_vec())
                 .collect();
-            Ok((fields, pack(&*p.plugin.save(&self.world))?))
+            Ok((fields, packed(&*p.plugin.save(&self.world))?))
         };
         self.physics
             .iter()
@@ -107,7 +98,7 @@ impl Simulation {
     }
 
     pub(super) fn save_couplers(&self) -> Result<Vec<ByteBuf>, RunError> {
-        let save = |c: &Ready<dyn RunningCoupler>| Ok(pack(&*c.plugin.save(&self.world))?.into());
+        let save = |c: &Ready<dyn RunningCoupler>| Ok(packed(&*c.plugin.save(&self.world))?.into());
         self.couplers.iter().map(save).collect()
     }
 
@@ -138,17 +129,26 @@ impl Simulation {
                 ),
             },
         });
-        let physics = (self.physics.iter()).map(|p| PluginState(p.plugin.save(&self.world)));
-        let couplers = (self.couplers.iter()).map(|c| PluginState(c.plugin.save(&self.world)));
         let checkpoint = Checkpoint {
             clock: self.clock.clone(),
             fields: fields.collect(),
-            physics: physics.collect(),
-            couplers: couplers.collect(),
+            plugins: self.plugins(),
             rows_found_at: self.world.rows_found_at(),
         };
         let written = rmp_serde::encode::write(&mut out, &(FORMAT, checkpoint));
-        written.map_err(|e| RunError::Checkpoint(e.to_string()))
+        written.map_err(|e| RunError::Checkpoint(e.to_string()))?;
+        for physics in &self.physics {
+            pack(&*physics.plugin.save(&self.world), out)?;
+        }
+        for coupler in &self.couplers {
+            pack(&*coupler.plugin.save(&self.world), out)?;
+        }
+        Ok(())
+    }
+
+    /// Numbers of physics and of couplers.
+    fn plugins(&self) -> [usize; 2] {
+        [self.physics.len(), self.couplers.len()]
     }
 
     /// What [`Simulation::save_to`] writes.
@@ -173,10 +173,10 @@ impl Simulation {
                            run again";
             return Err(misfit(message.into()));
         }
-        let (_, saved): (u32, Checkpoint<ByteBuf, ByteBuf>) =
-            rmp_serde::from_slice(checkpoint).map_err(|e| misfit(e.to_string()))?;
-        if saved.physics.len() != self.physics.len() || saved.couplers.len() != self.couplers.len()
-        {
+        let mut source = rmp_serde::Deserializer::from_read_ref(checkpoint);
+        let (_, saved): (u32, Checkpoint<ByteBuf>) =
+            Deserialize::deserialize(&mut source).map_err(|e| misfit(e.to_string()))?;
+        if saved.plugins != self.plugins() {
             return Err(misfit("it has other plugins".into()));
         }
         self.check_clock(&saved.clock).map_err(misfit)?;
@@ -220,14 +220,16 @@ impl Simulation {
         {
             return Err(misfit("it has other families of moving points".into()));
         }
-        for (p, state) in self.physics.iter_mut().zip(&saved.physics) {
-            let mut source = rmp_serde::Deserializer::from_read_ref(state);
-            let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
-            p.plugin
-                .load(&self.world, &mut erased)
-                .map_err(|e| misfit(format!("state of {}: {e}", p.label)))?;
+        for physics in &mut self.physics {
+            let mut state = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
+            let loaded = physics.plugin.load(&self.world, &mut state);
+            loaded.map_err(|e| misfit(format!("state of {}: {e}", physics.label)))?;
         }
-        self.restore_couplers(&saved.couplers)?;
+        for coupler in &mut self.couplers {
+            let mut state = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
+            let loaded = coupler.plugin.load(&self.world, &mut state);
+            loaded.map_err(|e| misfit(format!("state of {}: {e}", coupler.label)))?;
+        }
         self.clock = saved.clock;
         self.clock.logs = self.logs_until(self.clock.time);
         for (owned, &time) in self.plan.owned.iter().zip(&self.clock.advanced_to) {
@@ -290,12 +292,16 @@ impl Simulation {
     }
 }
 
-fn pack(state: &dyn erased_serde::Serialize) -> Result<Vec<u8>, RunError> {
-    let mut bytes = Vec::new();
-    let mut target = rmp_serde::Serializer::new(&mut bytes);
+fn pack(state: &dyn erased_serde::Serialize, out: &mut dyn io::Write) -> Result<(), RunError> {
+    let mut target = rmp_serde::Serializer::new(out);
     let mut erased = <dyn erased_serde::Serializer>::erase(&mut target);
     state
         .erased_serialize(&mut erased)
-        .map_err(|e| RunError::Checkpoint(e.to_string()))?;
+        .map_err(|e| RunError::Checkpoint(e.to_string()))
+}
+
+fn packed(state: &dyn erased_serde::Serialize) -> Result<Vec<u8>, RunError> {
+    let mut bytes = Vec::new();
+    pack(state, &mut bytes)?;
     Ok(bytes)
 }

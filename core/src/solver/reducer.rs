@@ -8,6 +8,7 @@ use serde::de::DeserializeOwned;
 
 use super::exact::ExactSum;
 use super::reduce::{Groups, exact_sum_of, exact_sums_of_points, max_abs};
+use crate::body::Sizes;
 use crate::transport::exchange::{Owners, SharedExchange, gather_to_all, lock};
 use crate::transport::{GROUP, Processes};
 
@@ -274,6 +275,35 @@ impl Reducer {
     ) -> ExactSum {
         let own = inputs.map(|input| self.own(input));
         exact_sum_of(self.groups(own[0].len()), own, f)
+    }
+
+    /// `sum_i f(a_i, s_i)` over values and sizes of the points.
+    ///
+    /// # Panics
+    /// When the numbers of points differ.
+    pub fn sum_over(
+        &self,
+        values: &[f64],
+        sizes: &Sizes,
+        f: impl Fn(f64, f64) -> f64 + Sync,
+    ) -> f64 {
+        self.total(self.own_sum_over(values, sizes, f))
+    }
+
+    /// The part of [`Reducer::sum_over`] of the points that this process owns. Not collective.
+    ///
+    /// # Panics
+    /// See [`Reducer::sum_over`].
+    pub fn own_sum_over(
+        &self,
+        values: &[f64],
+        sizes: &Sizes,
+        f: impl Fn(f64, f64) -> f64 + Sync,
+    ) -> ExactSum {
+        match sizes.same() {
+            Some(size) => self.own_sum_of([values], |[value]| f(value, size)),
+            None => self.own_sum_of([values, sizes], |[value, size]| f(value, size)),
+        }
     }
 
     /// `sum_i f(i)` over the points, for several sums at once.

@@ -155,11 +155,8 @@ impl World {
         }
         let mut now = configuration.take().unwrap_or_default();
         let points = &self.bodies[body].points;
-        let positions = match changes {
-            None => points.position.clone(),
-            Some(_) => self.displaced(body),
-        };
-        let positions = positions.into_iter().map(|x| x + shift);
+        let displaced = self.displaced(body);
+        let positions = (0..points.len()).map(|point| displaced(point) + shift);
         Arc::make_mut(&mut now).replace(positions, &points.volume);
         current.displacement_seen.set(changes);
         current.shift_seen.set(shift);
@@ -169,13 +166,19 @@ impl World {
 
     /// Where the points of a body are now, m: [`World::configuration`] as a list of its own, which nobody keeps.
     pub fn positions(&self, body: BodyIndex) -> Vec<Vector3<f64>> {
+        let at = self.place_of_points(body);
+        (0..self.bodies[body].points.len()).map(at).collect()
+    }
+
+    /// Where each point of a body is now, m: [`World::positions`] one by one.
+    pub fn place_of_points(&self, body: BodyIndex) -> Box<dyn Fn(usize) -> Vector3<f64> + '_> {
         if self.moves_freely(body) {
-            return self.configuration(body).positions().to_vec();
+            let now = self.configuration(body);
+            return Box::new(move |point| now.positions()[point]);
         }
         let shift = self.window_shift(body);
-        let mut positions = self.displaced(body);
-        positions.iter_mut().for_each(|x| *x += shift);
-        positions
+        let displaced = self.displaced(body);
+        Box::new(move |point| displaced(point) + shift)
     }
 
     /// Where the points of a body are now, if a physics moves them: points of an updated Lagrangian fluid, and those that
@@ -200,17 +203,18 @@ impl World {
         field.map(|index| self.fields.field(index).changes())
     }
 
-    /// Reference positions of a body plus its displacement, m.
-    pub(crate) fn displaced(&self, body: BodyIndex) -> Vec<Vector3<f64>> {
-        let mut positions = self.bodies[body].points.position.clone();
-        if let Some(index) = self.fields.find(body, &keys::DISPLACEMENT.name) {
-            let displacement = self.fields.field(index).data();
-            let points = positions
-                .iter_mut()
-                .zip(displacement.flat().chunks_exact(3));
-            points.for_each(|(x, u)| *x += Vector3::from_column_slice(u));
+    /// Reference position of each point of a body plus its displacement, m.
+    fn displaced(&self, body: BodyIndex) -> impl Fn(usize) -> Vector3<f64> + '_ {
+        let reference = &self.bodies[body].points.position;
+        let field = self.fields.find(body, &keys::DISPLACEMENT.name);
+        let displacement = field.map(|index| self.fields.field(index).data());
+        move |point| match &displacement {
+            None => reference.at(point),
+            Some(displacement) => {
+                let of_point = &displacement.flat()[3 * point..3 * point + 3];
+                reference.at(point) + Vector3::from_column_slice(of_point)
+            }
         }
-        positions
     }
 
     /// Sets positions (m) and volumes (m³) of the points of a body. Families that follow them change with them.
@@ -308,7 +312,7 @@ mod tests {
         let at_rest = bonds(&Family::moving(&body, &spec()).expect("valid"));
         assert_eq!(bonds(&held), at_rest);
         let mut sheared = body.clone();
-        sheared.points.position = moved;
+        sheared.points.position = moved.into();
         let expected = bonds(&Family::moving(&sheared, &spec()).expect("valid"));
         assert_eq!(bonds(&world.family(family)), expected);
         drop(held);

@@ -95,7 +95,7 @@ impl SurroundingBody {
         near.fractions.clear();
         near.start.push(0);
         for cell in cells {
-            let at = flat(this.points.position[cell.point as usize]);
+            let at = flat(this.points.position.at(cell.point as usize));
             let first = near.points.len();
             list.visit_near(&at, radius, |point| {
                 if (places[point] - at).norm() <= radius {
@@ -147,7 +147,7 @@ mod tests {
                 let (points, fractions) = near.of(i);
                 assert_eq!(points.len(), 5 + 5 + 1);
                 assert!((fractions.iter().sum::<f64>() - 1.0).abs() < 1e-14);
-                let height = |p: usize| world.body(1).points.position[p].y;
+                let height = |p: usize| world.body(1).points.position.at(p).y;
                 let expected = (5.0 * 3.5 + 5.0 * 4.5 + 5.5) / 11.0;
                 assert!((near.mean(i, height) - expected).abs() < 1e-12);
             }
@@ -159,7 +159,7 @@ mod tests {
     fn points_count_by_their_volume() {
         let block = filled("block", [[0.0; 3], [1.0, 1.0, 1.0]], 1, 1.0);
         let mut gas = filled("gas", [[1.0, 0.0, 0.0], [3.0, 1.0, 1.0]], 1, 1.0);
-        gas.points.volume = vec![1.0, 3.0];
+        gas.points.volume = vec![1.0, 3.0].into();
         let world = World::new(vec![block, gas]);
         let around = SurroundingBody::new(NewSurroundingBody {
             body: 1,

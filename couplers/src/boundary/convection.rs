@@ -286,7 +286,7 @@ mod tests {
              ambient = 300",
         );
         let (mut boundary, exchange) = exchange(&mut world, boundary);
-        let positions = world.body(0).points.position.clone();
+        let positions = world.body(0).points.position.to_vec();
         for start in [0.0, 1.0, 7.0] {
             apply(&world, &mut *boundary, start);
             let heat = heat(&world, &exchange, |_| 400.0);

@@ -79,7 +79,7 @@ fn arm(points: &Points, cell: &SurfaceCell) -> Vector3<f64> {
 
 /// Centres of the faces of the cells of a surface, m.
 pub(super) fn face_centres(points: &Points, cells: &[SurfaceCell]) -> Vec<Vector3<f64>> {
-    let centre = |cell: &SurfaceCell| points.position[cell.point as usize] + arm(points, cell);
+    let centre = |cell: &SurfaceCell| points.position.at(cell.point as usize) + arm(points, cell);
     cells.iter().map(centre).collect()
 }
 

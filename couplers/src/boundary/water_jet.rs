@@ -235,13 +235,13 @@ impl Coupler for WaterJet {
                 lattice.cells[a] as u32
             }
         });
-        let place = |(position, cell): (&Vector3<f64>, &[u32; 3])| {
+        let place = |(position, cell): (Vector3<f64>, [u32; 3])| {
             let [i, j, k] = [0, 1, 2].map(|a| if a == axis { 0 } else { cell[a] });
             let row = (k * across[1] + j) * across[0] + i;
             let along = position[axis];
             (row, if self.flow.is_upper() { along } else { -along })
         };
-        let points = this.points.position.iter().zip(&lattice.cell_of_point);
+        let points = this.points.position.each().zip(lattice.cells_of_points());
         let place: Vec<_> = points.map(place).collect();
         let rows_of_face = across.iter().product::<u32>() as usize;
         let through_plane = self.faces.is_empty() && this.dimension == 2;

@@ -64,7 +64,7 @@ impl RunningImpactor {
     fn extrapolate(&mut self, world: &World, time: f64) {
         let reference = &world.body(self.body).points.position;
         let (displacement, velocity) = (world.read(self.displacement), world.read(self.velocity));
-        let points = self.position.par_iter_mut().zip(reference);
+        let points = self.position.par_iter_mut().zip(&reference[..]);
         let points = points.zip(&*displacement);
         let points = points.zip(&*velocity).with_min_len(4096);
         points.for_all(|(((y, x), u), v)| *y = x + u + time * v);
@@ -85,7 +85,7 @@ impl Coupler for Impactor {
         check_positive("mass", self.mass, "kg")?;
         let body = setup.find_body(self.body.as_deref())?;
         let this = setup.body(body);
-        let (dimension, position) = (this.dimension, this.points.position.clone());
+        let (dimension, position) = (this.dimension, this.points.position.to_vec());
         let mut centre = Vector3::from(self.centre);
         (dimension..3).for_each(|axis| centre[axis] = position[0][axis]);
         let is_inside = position.iter().any(|x| (x - centre).norm() < self.radius);

@@ -43,7 +43,7 @@ impl Neighbourhoods {
         Neighbourhoods {
             start,
             other,
-            spacing: body.points.spacing.clone(),
+            spacing: body.points.spacing.to_vec(),
         }
     }
 

@@ -102,7 +102,7 @@ fn a_body_at_rest_or_turned_feels_nothing_and_one_that_is_crushed_resists() {
         let contact: Contact = read("stiffness = 10");
         let (mut contact, _) = prepare(&mut world, contact, |setup| own(setup, 1)).expect("valid");
         let turn = nalgebra::Rotation3::from_euler_angles(0.4, 1.0, -0.3);
-        let positions = world.body(0).points.position.clone();
+        let positions = world.body(0).points.position.to_vec();
         let index = world.fields().find(0, "displacement").expect("owned");
         let u = world.values_mut(index).chunks_exact_mut(3).zip(&positions);
         u.for_each(|(u, x)| u.copy_from_slice((turn * (x * shrink) - x).as_slice()));
@@ -122,7 +122,7 @@ fn forces_do_not_depend_on_when_the_list_of_candidates_was_made() {
     let new: Contact = read("");
     let (mut new, _) = prepare(&mut other, new, |setup| own(setup, 1)).expect("valid");
     for world in [&mut world, &mut other] {
-        let positions = world.body(0).points.position.clone();
+        let positions = world.body(0).points.position.to_vec();
         let index = world.fields().find(0, "displacement").expect("owned");
         let u = world.values_mut(index).chunks_exact_mut(3).zip(&positions);
         // within the skin, so that the list of the first one serves

@@ -164,13 +164,13 @@ impl BuildRegion<'_> {
 
     /// Births by layers, the lowest of which begins at the lowest cells of the points. Collective.
     pub(super) fn by_layers(&self, layers: &Layers) -> Vec<PointBirth> {
-        let position = |p: u32| &self.body.points.position[p as usize];
-        let levels = self.points.iter().map(|&p| self.level(position(p)));
+        let position = |p: u32| self.body.points.position.at(p as usize);
+        let levels = self.points.iter().map(|&p| self.level(&position(p)));
         let lowest = self.reducer.min(levels.fold(f64::INFINITY, f64::min));
         let base = lowest - 0.5 * self.body.finest_spacing();
         let together = f64::from(layers.at_once);
         let birth = |&point: &u32| {
-            let layer = (self.level(position(point)) - base) / (layers.height * together);
+            let layer = (self.level(&position(point)) - base) / (layers.height * together);
             PointBirth {
                 time: layers.first + (layer + NEAR).floor() * layers.interval * together,
                 point,
@@ -257,7 +257,7 @@ impl BuildRegion<'_> {
                     let Some(point) = lattice.point([i, j, k]) else {
                         continue;
                     };
-                    let position = &self.body.points.position[point];
+                    let position = self.body.points.position.at(point);
                     let mut across = position - at;
                     let depth = -across.dot(&outward);
                     across += outward * depth;

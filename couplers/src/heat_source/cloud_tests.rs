@@ -196,7 +196,7 @@ fn a_point_source_heats_four_cells_of_a_face_and_eight_inside() {
                 (power - deposited / cells as f64).abs() < 1e-9,
                 "{place}: {power}"
             );
-            let away = points.position[p] - nalgebra::Vector3::new(x, y, f64::min(z, 8.0));
+            let away = points.position.at(p) - nalgebra::Vector3::new(x, y, f64::min(z, 8.0));
             let half = 0.5 * points.spacing[p];
             assert!(
                 away.iter().all(|c| (c.abs() - half).abs() < 1e-9),
@@ -314,8 +314,8 @@ fn a_source_heats_the_points_that_are_below_it_now() {
     for kind in 0..5 {
         let source = moving(kind, at_rest);
         let (mut world, mut source, mover) = moving_world(block([20, 20, 8], 3, STEEL), source);
-        let reference = world.body(0).points.position.clone();
-        let volumes = world.body(0).points.volume.clone();
+        let reference = world.body(0).points.position.to_vec();
+        let volumes = world.body(0).points.volume.to_vec();
         let at =
             |shift: f64| -> Vec<_> { reference.iter().map(|x| x + Vector3::x() * shift).collect() };
         let (steps, drift) = (40, 5.0);
@@ -359,9 +359,9 @@ fn over_a_hole_of_a_fluid_power_is_lost() {
         "{ start = [10, 10, 8], direction = [1, 0, 0], speed = 1e-6 }",
     );
     let (mut world, mut source, mover) = moving_world(block([20, 20, 8], 3, STEEL), source);
-    let volumes = world.body(0).points.volume.clone();
+    let volumes = world.body(0).points.volume.to_vec();
     // both halves move away from the middle of the beam, which is 4 m long
-    let points = world.body(0).points.position.clone();
+    let points = world.body(0).points.position.to_vec();
     let apart = |gap: f64| -> Vec<_> {
         let points = points.iter();
         points

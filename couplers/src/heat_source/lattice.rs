@@ -158,7 +158,7 @@ mod tests {
             let volume = target.volume(target.point([1, 0, 0]).expect("a full block"));
             assert!((target.grid.spacing.product() - volume).abs() < 1e-15);
             let centre = target.grid.origin + 0.5 * target.grid.spacing;
-            assert!((centre - body.points.position[0]).norm() < 1e-15);
+            assert!((centre - body.points.position.at(0)).norm() < 1e-15);
         }
     }
 }

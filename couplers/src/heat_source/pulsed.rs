@@ -54,7 +54,7 @@ fn facing_area(world: &World, body: BodyIndex, grid: &CellGrid, face: Face) -> f
     let (this, reducer, axis) = (world.body(body), world.reducer(body), face.axis());
     let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
     if let Some(lattice) = this.lattice() {
-        let cells = lattice.whole().cell_of_point.iter();
+        let cells = lattice.whole().cells_of_points();
         let columns: BTreeSet<[u32; 2]> = cells.map(|cell| [cell[u], cell[v]]).collect();
         return columns.len() as f64 * grid.spacing[u] * grid.spacing[v];
     }

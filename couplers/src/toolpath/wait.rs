@@ -185,7 +185,7 @@ fn nearest(body: &Body, at: &Vector3<f64>, test: impl Fn(usize) -> bool) -> Opti
 
 /// Square of the distance of a point from a position (m) along the axes of the body, m².
 fn square_distance(body: &Body, point: usize, at: &Vector3<f64>) -> f64 {
-    let apart = body.points.position[point] - at;
+    let apart = body.points.position.at(point) - at;
     let along = (0..body.dimension).map(|axis| apart[axis] * apart[axis]);
     along.sum()
 }

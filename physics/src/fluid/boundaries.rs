@@ -98,8 +98,8 @@ mod tests {
         let mut body = Body::fill("water", &shape, 2, 1.0, 1.0).expect("valid");
         body.repeat(&[Axis::X]).expect("it fills its box");
         // a point at (0.5, 0.5)
-        let start = body.points.position[0];
-        body.points.position.truncate(1);
+        let start = body.points.position.at(0);
+        body.points.position = vec![start].into();
         let rules = [LayerRule::even(Face::YMin)];
         for (place, velocity, expected, after) in [
             ([3.9, 1.5], [1.0, 1.0], [3.9, 1.5], [1.0, 1.0]),

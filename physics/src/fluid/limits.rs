@@ -92,7 +92,7 @@ impl FluidRun {
         Some(Box::new(LostFluid {
             fraction: fraction[point],
             density: density[point],
-            place: world.body(self.body).points.position[point].into(),
+            place: world.body(self.body).points.position.at(point).into(),
         }))
     }
 
@@ -147,7 +147,7 @@ impl FluidRun {
             if least < LEAST_DISTORTION {
                 let cause = PointsFold {
                     fluid: fluid.name.clone(),
-                    place: fluid.points.position[point].into(),
+                    place: fluid.points.position.at(point).into(),
                 };
                 return Err(failed(cause.into()));
             }
@@ -180,7 +180,7 @@ impl FluidRun {
         };
         let fraction = world.read::<f64>(fraction.into());
         let body = world.body(self.body);
-        let place = |point: usize| body.points.position[point].into();
+        let place = |point: usize| body.points.position.at(point).into();
         let cause: Option<Cause> = match (&self.points, self.points.pair()) {
             (Points::Lagrangian(_), Some(pair)) => {
                 let own = |point: usize| pair.fraction_of(body.material_of_point[point]);

@@ -266,7 +266,7 @@ fn prepare_medium(
     let freezes = setup.facts::<PhaseChange>(body).next().is_some();
     let viscosity = Viscosity::new(fluid.viscosity.take(), this, freezes)?;
     let density = setup.world().density_at_points(body)?;
-    let spacing = this.points.spacing.clone();
+    let spacing = this.points.spacing.to_vec();
     Ok(Medium::new(
         fluid.state.clone(),
         viscosity,

@@ -244,7 +244,7 @@ fn viscosity_that_falls_with_temperature_makes_an_uneven_shear() {
         });
         let before = values(&s, "velocity");
         run(&mut s);
-        let places = s.world().body(0).points.position.clone();
+        let places = s.world().body(0).points.position.to_vec();
         let after = values(&s, "velocity");
         for (i, x) in places.iter().enumerate() {
             let rate = (after[3 * i] - before[3 * i]) / 1e-5;

@@ -1,6 +1,7 @@
 //! Energies of an explicit body.
 
 use nalgebra::Vector3;
+use perimelt_core::body::Sizes;
 use perimelt_core::solver::Reducer;
 use perimelt_core::{Report, World};
 use serde::{Deserialize, Serialize};
@@ -91,7 +92,7 @@ impl MechanicalRun {
 }
 
 /// `sum_i V_i f_i . u_i` of force densities f (N/m³) and displacements u (m), three components for each point, J.
-pub(super) fn work_of(nodes: &Reducer, volume: &[f64], [force, displacement]: [&[f64]; 2]) -> f64 {
+pub(super) fn work_of(nodes: &Reducer, volume: &Sizes, [force, displacement]: [&[f64]; 2]) -> f64 {
     let (force, _) = force.as_chunks::<3>();
     let (displacement, _) = displacement.as_chunks::<3>();
     let of_point = |i: usize| {
@@ -110,7 +111,11 @@ mod tests {
         let force = [1.0, 2.0, 3.0, -4.0, 5.0, 6.0];
         let displacement = [0.5, 0.25, 2.0, 1.0, 3.0, -1.0];
         // 7 J/m³ over 2 m³, and 5 J/m³ over 3 m³
-        let work = work_of(&Reducer::alone(2), &[2.0, 3.0], [&force, &displacement]);
+        let work = work_of(
+            &Reducer::alone(2),
+            &vec![2.0, 3.0].into(),
+            [&force, &displacement],
+        );
         assert_eq!(work, 29.0);
     }
 

@@ -447,7 +447,7 @@ impl MechanicalRun {
             first: reference.first,
             since: reference.time,
             point,
-            at: body.points.position[point].into(),
+            at: body.points.position.at(point).into(),
             speed,
             advice: match self.knows_conjugate_stress() && !self.scratch.is_repeated {
                 true => {

@@ -123,7 +123,7 @@ fn pulled(keys: &str, store: Store, cells: [usize; 3]) -> Simulation {
     let mut body = block(cells, dimension, 1e-3, store, BRITTLE);
     let left = |x: f64| x < 0.5e-3 * cells[0] as f64;
     let points = 0..body.points.len() as u32;
-    let points = points.filter(|&p| left(body.points.position[p as usize].x));
+    let points = points.filter(|&p| left(body.points.position.at(p as usize).x));
     let points = points.collect();
     body.regions.insert("left".into(), Region { points });
     let mechanical: Mechanical = read(keys);

@@ -118,7 +118,7 @@ impl Gradient {
             let [shape, _] = shape_tensors(family, point, None);
             // relative to a full family, whose eigenvalues are equal
             inverse_of(shape, 1e-6 * shape.trace(), dimension).ok_or_else(|| FlatFamily {
-                at: body.points.position[point].into(),
+                at: body.points.position.at(point).into(),
             })
         };
         let inverse_shape = (0..family.points()).into_par_iter().map(invert);

@@ -225,7 +225,7 @@ impl Classes<'_> {
         /// Part of the segment that counts.
         const LEAST: f64 = 1e-6;
         let points = &self.body.points;
-        let arm = points.position[through as usize] - points.position[point as usize];
+        let arm = points.position.at(through as usize) - points.position.at(point as usize);
         let half = 0.5 * points.spacing[through as usize];
         let (mut enter, mut leave) = (0.0f64, 1.0f64);
         for axis in 0..self.body.dimension {
@@ -262,7 +262,7 @@ impl Classes<'_> {
         if others.is_empty() && !has_cuts {
             return Vec::new();
         }
-        let from = self.body.points.position[point as usize];
+        let from = self.body.points.position.at(point as usize);
         let crossing = |(bond, geometry, other, _): &(u32, Bond, u32, bool)| {
             let (material, sides) = self.of(*other);
             let is_new = |class: (u16, u64)| {
@@ -335,7 +335,7 @@ impl Crossings {
             }
             let both = bits[0] | bits[1];
             if let Some(point) = sides.iter().position(|s| s & both == both) {
-                let [x, y, z] = setup.body(body).points.position[point].into();
+                let [x, y, z] = setup.body(body).points.position.at(point).into();
                 let message = format!("the point at ({x}, {y}, {z}) m belongs to both sides");
                 return refuse(message, "regions or materials without common points");
             }

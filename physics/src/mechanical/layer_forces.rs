@@ -20,6 +20,7 @@
 //! In a component in which a layer is constant while it is not in others, layer points keep the part of their states
 //! that depends on that component alone.
 
+use perimelt_core::body::Sizes;
 use perimelt_core::family::{Continuation, Folded, Image, Layout};
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::{Bond, BondKernel, BrokenBonds, Family, SlotField};
@@ -32,7 +33,7 @@ use super::base::Bonds;
 pub(super) struct LayerForces {
     dimension: usize,
     /// Volume of each point, m³; empty for a body that does not move.
-    volume: Vec<f64>,
+    volume: Sizes,
     /// What the bonds were found for.
     layout: Layout,
     owners: Vec<Owner>,
@@ -86,13 +87,12 @@ pub(super) struct Summed<'a, K, const I: usize> {
 
 impl LayerForces {
     /// The bonds of a body in motion, from the volume of each point (m³); none for a body that does not move.
-    pub(super) fn new(dimension: usize, volume: &[f64], in_motion: bool) -> Self {
+    pub(super) fn new(dimension: usize, volume: &Sizes, in_motion: bool) -> Self {
         LayerForces {
             dimension,
-            volume: if in_motion {
-                volume.to_vec()
-            } else {
-                Vec::new()
+            volume: match in_motion {
+                true => volume.clone(),
+                false => Sizes::default(),
             },
             ..LayerForces::default()
         }
@@ -107,12 +107,12 @@ impl LayerForces {
     pub(super) fn replace(&self, image: &Image) -> bool {
         let is_constant = image.is_constant(self.dimension);
         let keeps_state = image.is_symmetric() || image.is_bent || is_constant;
-        !(keeps_state || self.volume.is_empty())
+        !(keeps_state || self.volume.count() == 0)
     }
 
     /// Finds the bonds if layers scale the displacement in another way than before.
     pub(super) fn follow(&mut self, family: &Family, continuation: &Continuation) {
-        if self.volume.is_empty() {
+        if self.volume.count() == 0 {
             return;
         }
         let layout = continuation.layout();

@@ -154,7 +154,7 @@ impl MechanicalRun {
         let body = world.body(self.body);
         let (positions, volumes) = (nodes.positions(body), nodes.volumes(body));
         Momentum::sum(self.balanced, &self.node_reducer(world), |i| {
-            let x = place(&positions[i], &displacement[3 * i..3 * i + 3]);
+            let x = place(&positions.at(i), &displacement[3 * i..3 * i + 3]);
             let mass = density(i) * volumes[i];
             [x, by_axis(|axis| mass * velocity[3 * i + axis])]
         })

@@ -1,6 +1,7 @@
 //! Motion by velocity Verlet, with an account of the impulses that the body takes up.
 
 use nalgebra::Vector3;
+use perimelt_core::body::{Positions, Sizes};
 use perimelt_core::family::LayerRule;
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::reduce::are_equal;
@@ -130,7 +131,7 @@ impl MechanicalRun {
         let (positions, volumes) = (nodes.positions(body), nodes.volumes(body));
         let inverse = &self.free_inverse_density[..];
         self.state.given += Momentum::sum(self.balanced, &reducer, |i| {
-            let x = place(&positions[i], &displacement[3 * i..3 * i + 3]);
+            let x = place(&positions.at(i), &displacement[3 * i..3 * i + 3]);
             let free = |axis: usize| inverse[3 * i + axis] != 0.0;
             let impulse_on = |axis: usize| match free(axis) {
                 true => volumes[i] * impulse[3 * i + axis],
@@ -258,7 +259,7 @@ impl MechanicalRun {
         };
         let reducer = self.node_reducer(world);
         let mut given = Momentum::sum(self.balanced, &reducer, |i| {
-            let x = place(&positions[i], &displacement[3 * i..3 * i + 3]);
+            let x = place(&positions.at(i), &displacement[3 * i..3 * i + 3]);
             [x, by_axis(|axis| stop(3 * i + axis))]
         });
         if self.balanced.angular {
@@ -283,9 +284,9 @@ struct SolidDynamics<'a> {
     solid: &'a mut dyn Solid,
     rules: &'a [LayerRule],
     /// m, by node.
-    positions: &'a [Vector3<f64>],
+    positions: &'a Positions,
     /// m³, by node.
-    volumes: &'a [f64],
+    volumes: &'a Sizes,
     reducer: &'a Reducer,
     /// kg/m³, by node.
     density: &'a [f64],
@@ -321,7 +322,7 @@ impl LoadsInForce<'_> {
     }
 
     /// Finds out whether the body force has changed, and adds half of its work at the displacement (m) before the next force.
-    fn begin(&mut self, nodes: &Reducer, volumes: &[f64], displacement: &[f64]) {
+    fn begin(&mut self, nodes: &Reducer, volumes: &Sizes, displacement: &[f64]) {
         let is_same = are_equal(nodes.own(self.in_force()), nodes.own(self.now));
         self.has_changed = nodes.processes().any(!is_same);
         if self.has_changed {
@@ -330,7 +331,7 @@ impl LoadsInForce<'_> {
     }
 
     /// Takes the body force into the force at a displacement, m.
-    fn take_up(&mut self, nodes: &Reducer, volumes: &[f64], displacement: &[f64]) {
+    fn take_up(&mut self, nodes: &Reducer, volumes: &Sizes, displacement: &[f64]) {
         if !std::mem::take(&mut self.has_changed) {
             return;
         }
@@ -343,7 +344,7 @@ impl LoadsInForce<'_> {
 
     /// Half of the work of a body force that changes, `-1/2 sum V (b_1 - b_0) . u`, J: that at one end of the step. Zero if there
     /// was none before.
-    fn half_work(&self, nodes: &Reducer, volumes: &[f64], displacement: &[f64]) -> f64 {
+    fn half_work(&self, nodes: &Reducer, volumes: &Sizes, displacement: &[f64]) -> f64 {
         if !*self.has_before || self.now.is_empty() {
             return 0.0;
         }
@@ -400,7 +401,7 @@ impl SolidDynamics<'_> {
             }
         };
         Momentum::sum(self.balanced, self.reducer, |i| {
-            let x = place(&positions[i], &kick.displacement[3 * i..3 * i + 3]);
+            let x = place(&positions.at(i), &kick.displacement[3 * i..3 * i + 3]);
             [x, by_axis(|axis| volumes[i] * external(3 * i + axis))]
         })
     }
@@ -419,7 +420,7 @@ impl SolidDynamics<'_> {
             -volumes[node] * kick.friction * density[node] * (velocity + after)
         };
         Momentum::sum(self.balanced, self.reducer, |i| {
-            let x = place(&positions[i], &kick.displacement[3 * i..3 * i + 3]);
+            let x = place(&positions.at(i), &kick.displacement[3 * i..3 * i + 3]);
             [x, by_axis(|axis| friction(i, 3 * i + axis))]
         })
     }

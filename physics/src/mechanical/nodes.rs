@@ -11,6 +11,7 @@ use std::sync::Arc;
 use super::staggered::Corners;
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::Body;
+use perimelt_core::body::{Positions, Sizes};
 use perimelt_core::family::LayerRule;
 use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
@@ -153,8 +154,16 @@ impl Nodes {
         }
     }
 
+    /// Number of nodes.
+    pub(super) fn count(&self, body: &Body) -> usize {
+        match self {
+            Nodes::Points => body.points.len(),
+            Nodes::Corners(corners) => corners.position.len(),
+        }
+    }
+
     /// Positions, m.
-    pub(super) fn positions<'a>(&'a self, body: &'a Body) -> &'a [Vector3<f64>] {
+    pub(super) fn positions<'a>(&'a self, body: &'a Body) -> &'a Positions {
         match self {
             Nodes::Points => &body.points.position,
             Nodes::Corners(corners) => &corners.position,
@@ -162,7 +171,7 @@ impl Nodes {
     }
 
     /// Volumes whose force densities the nodes have, m³: on a lattice, those of its cells.
-    pub(super) fn volumes<'a>(&'a self, body: &'a Body) -> &'a [f64] {
+    pub(super) fn volumes<'a>(&'a self, body: &'a Body) -> &'a Sizes {
         match self {
             Nodes::Points => &body.points.volume,
             Nodes::Corners(corners) => &corners.volume,

@@ -89,7 +89,7 @@ pub(super) fn run(
         body,
         layers: layers.handle,
         fields,
-        work: vec![0.0; 3 * solid.base().nodes.positions(setup.body(body)).len()],
+        work: vec![0.0; 3 * solid.base().nodes.count(setup.body(body))],
         loads: Vec::new(),
         held_corners: Default::default(),
         solid,

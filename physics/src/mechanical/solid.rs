@@ -3,6 +3,7 @@
 use std::fmt::Debug;
 
 use nalgebra::Matrix3;
+use perimelt_core::body::Sizes;
 use perimelt_core::family::{AxisPlane, LayerRule};
 use perimelt_core::solver::{Reducer, Spring};
 use perimelt_core::{Body, Face};
@@ -100,7 +101,7 @@ pub trait Solid: Debug + Sync {
     fn subtract_added_inertia(&mut self, _inverse_density: &[f64], _force: &mut [f64]) {}
 
     /// Kinetic energy of that inertia by velocities of nodes (m/s) of these volumes (m³), J.
-    fn added_kinetic_energy(&self, _velocity: &[f64], _volume: &[f64]) -> f64 {
+    fn added_kinetic_energy(&self, _velocity: &[f64], _volume: &Sizes) -> f64 {
         0.0
     }
 

@@ -180,7 +180,7 @@ fn a_linear_temperature_is_free_of_stress() {
                         let yielding = format!("{MATERIAL}\nyield_stress = 1e12");
                         body.materials = vec![crate::testing::material(&yielding)];
                     }
-                    let positions = body.points.position.clone();
+                    let positions = body.points.position.to_vec();
                     let kind = format!("{keys} {dimension}D {:?}", body.store);
                     let strain = Linear::isotropic(dimension);
                     let mut mechanical = prepared(body, &keys);
@@ -248,7 +248,7 @@ fn a_linear_tensor_is_free_of_stress() {
             for mut body in bodies(dimension) {
                 let yielding = format!("{MATERIAL}\nyield_stress = 1e12");
                 body.materials = vec![crate::testing::material(&yielding)];
-                let positions = body.points.position.clone();
+                let positions = body.points.position.to_vec();
                 let kind = format!("{formulation} {keys} {dimension}D {:?}", body.store);
                 let strain = Linear::tensor(dimension);
                 let mut in_plane = strain;
@@ -283,7 +283,7 @@ fn a_uniform_tensor_turns_with_the_body() {
         ("correspondence", 1e-13),
     ] {
         for body in bodies(3) {
-            let positions = body.points.position.clone();
+            let positions = body.points.position.to_vec();
             let kind = format!("{formulation} {:?}", body.store);
             let keys = format!("formulation = '{formulation}'\nkinematics = 'finite'");
             let mut mechanical = prepared(body, &keys);
@@ -318,10 +318,10 @@ fn the_conjugate_stress_is_that_of_the_total_strain() {
             let body = block(cells, dimension, 1e-3, Store::Lattice, MATERIAL);
             let (min, max) = body.bounds();
             let middle = (0..body.points.len()).min_by(|a, b| {
-                let distance = |p: &usize| (body.points.position[*p] - 0.5 * (min + max)).norm();
+                let distance = |p: &usize| (body.points.position.at(*p) - 0.5 * (min + max)).norm();
                 distance(a).total_cmp(&distance(b))
             });
-            let (middle, positions) = (middle.expect("points"), body.points.position.clone());
+            let (middle, positions) = (middle.expect("points"), body.points.position.to_vec());
             let mut gradient = gradient;
             if dimension == 2 {
                 gradient.fill_row(2, 0.0);
@@ -390,7 +390,7 @@ fn the_conjugate_stress_is_that_of_the_total_strain() {
 fn stress_follows_from_strains_that_are_not_compatible() {
     for formulation in ["bond", "ordinary", "correspondence"] {
         let body = block([9, 8, 1], 2, 1e-3, Store::Lattice, MATERIAL);
-        let positions = body.points.position.clone();
+        let positions = body.points.position.to_vec();
         let mut mechanical = prepared(body, &format!("formulation = '{formulation}'"));
         let solid = &mut mechanical.solid;
         let curved: Vec<f64> = positions.iter().map(|x| 1e2 * x.x * x.x).collect();
@@ -467,7 +467,7 @@ fn breaking_bonds_do_not_change_the_conjugate_stress() {
         let keys = format!("formulation = 'bond'\nfracture = {{}}\n{plane}");
         let brittle = format!("{MATERIAL}\ncritical_stretch = 1e-3");
         let body = block([9, 8, 1], 2, 1e-3, Store::Lattice, &brittle);
-        let positions = body.points.position.clone();
+        let positions = body.points.position.to_vec();
         let mut mechanical = prepared(body, &keys);
         let solid = &mut mechanical.solid;
         let torn: Vec<f64> = (positions.iter())

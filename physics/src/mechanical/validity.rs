@@ -100,7 +100,7 @@ impl Validity {
             Some(OverYield {
                 ratio: stress / limit,
                 stress,
-                place: body.points.position[point].into(),
+                place: body.points.position.at(point).into(),
                 material: usize::from(*material),
                 temperature,
             })
@@ -192,7 +192,7 @@ const DIAGONAL: f64 = 1.41;
 
 /// A sentence about a lattice whose bonds do not resist shear, as their forces act along themselves; `horizon` in m.
 pub(super) fn shear_warning(body: &Body, horizons: &[f64]) -> Option<String> {
-    let spacings = horizons.iter().zip(&body.points.spacing);
+    let spacings = horizons.iter().zip(body.points.spacing.each());
     let (point, spacings) = spacings
         .map(|(horizon, spacing)| horizon / spacing)
         .enumerate()
@@ -200,7 +200,7 @@ pub(super) fn shear_warning(body: &Body, horizons: &[f64]) -> Option<String> {
     if body.dimension == 1 || body.lattice().is_none() || spacings >= DIAGONAL {
         return None;
     }
-    let at: Vector3<f64> = body.points.position[point];
+    let at: Vector3<f64> = body.points.position.at(point);
     Some(format!(
         "with a horizon of {spacings:.3} spacings at ({:.4e}, {:.4e}, {:.4e}) m, body `{}` has bonds along the axes of its \
          lattice only, which do not resist shear and have no Poisson's ratio: stiffness and displacements are wrong (use a \

@@ -92,7 +92,7 @@ impl Pool {
             slips,
             points: Vec::new(),
             other: Vec::new(),
-            cell_of: vec![SOLID; lattice.whole().cell_of_point.len()],
+            cell_of: vec![SOLID; lattice.whole().points()],
             neighbours: Vec::new(),
         }
     }
@@ -150,7 +150,7 @@ impl Pool {
             return;
         };
         for (cell, point) in (0..).zip(&self.points) {
-            let at = lattice.cell_of_point[*point as usize].map(i64::from);
+            let at = lattice.cell(*point as usize).map(i64::from);
             for bond in &self.stencil.bonds {
                 let neighbour = self.neighbour(body, lattice, at, bond.step);
                 let severed = |n: &Neighbour| {
@@ -213,7 +213,7 @@ impl Pool {
         xi: [f64; 3],
         neighbour: Neighbour,
     ) -> bool {
-        let position = |point: u32| lattice.centre(lattice.cell_of_point[point as usize]);
+        let position = |point: u32| lattice.centre(lattice.cell(point as usize));
         let from = position(point);
         let to = match neighbour.mirrored {
             0 => from + Vector3::from(xi),
@@ -249,7 +249,7 @@ impl Pool {
 
     /// The lattice cell of a cell.
     pub(super) fn place(&self, lattice: &Lattice, cell: usize) -> [u32; 3] {
-        lattice.whole().cell_of_point[self.points[cell] as usize]
+        lattice.whole().cell(self.points[cell] as usize)
     }
 
     /// Whether a cell lies at a face of the body.

@@ -8,7 +8,9 @@ use super::*;
 use crate::testing::{block, simulation, values};
 use perimelt_core::Body;
 use perimelt_core::body::Store;
-use perimelt_core::log::{BodyInfo, CloudView, FieldInfo, FieldView, Precision, RunInfo, Writer};
+use perimelt_core::log::{
+    BodyInfo, CloudView, Coordinates, FieldInfo, FieldView, Precision, RunInfo, Writer,
+};
 
 fn body() -> Body {
     block([3, 2, 1], 2, 1.0, Store::Lattice, "density = 1")
@@ -71,7 +73,7 @@ fn log(states: &[(f64, f64)], offset: f64) -> (TempDir, PathBuf) {
             .collect();
         let cloud = CloudView {
             time,
-            positions: &positions,
+            positions: Coordinates::Listed(&positions),
             fields: &fields,
         };
         writer

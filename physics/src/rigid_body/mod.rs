@@ -301,7 +301,7 @@ impl Physics for RigidBody {
             damping: self.damping.clone(),
         };
         setup.publish(body, Rigid)?;
-        let volume = setup.body(body).points.volume.clone();
+        let volume = setup.body(body).points.volume.to_vec();
         setup.stepping(Stepping {
             step: self.step,
             ..Stepping::default()

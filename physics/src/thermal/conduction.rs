@@ -422,12 +422,12 @@ impl Conduction {
 
     /// Heat that flows in through layers with prescribed values, W, from what was loaded, for points of these volumes
     /// (m³); zero in the form of second derivatives, which does not provide it.
-    pub(super) fn inflow(&self, family: &Family, volume: &[f64]) -> ExactSum {
+    pub(super) fn inflow(&self, family: &Family, volume: impl Fn(usize) -> f64) -> ExactSum {
         let mut total = ExactSum::default();
         if self.derivatives.is_some() {
             return total;
         }
-        let add = |point: usize, [rate]: [f64; 1]| total.add(volume[point] * rate);
+        let add = |point: usize, [rate]: [f64; 1]| total.add(volume(point) * rate);
         match self.inputs() {
             KernelInputs::One(kernel, inputs) => family.sum_from_layers(&kernel, inputs, add),
             KernelInputs::Series(inputs) => family.sum_from_layers(&Series, inputs, add),

@@ -10,6 +10,7 @@
 
 use std::rc::Rc;
 
+use perimelt_core::body::Sizes;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::world::exchange::{Exchange, SurfaceFlux as LawFlux};
@@ -74,7 +75,7 @@ impl Source {
         let least = curves.iter().map(EnthalpyCurve::minimum_capacity);
         let least = least.fold(f64::INFINITY, f64::min);
         let volume = &setup.body(around.body).points.volume;
-        let capacity = volume.iter().map(|v| least * v).collect();
+        let capacity = volume.each().map(|v| least * v).collect();
         Ok(Source {
             amounts: setup.give(around.body, &keys::GIVEN_HEAT, Access::Give)?,
             capacity,
@@ -140,7 +141,7 @@ impl Surface {
     }
 
     /// Writes the heat that other bodies give through each part of the surface as last evaluated, W.
-    pub(super) fn given_powers(&self, volume: &[f64], powers: &mut [f64]) {
+    pub(super) fn given_powers(&self, volume: &Sizes, powers: &mut [f64]) {
         let rates = self.given_rates(|law, through| law.flux + law.slope * through.change);
         let points = self
             .given
@@ -157,7 +158,7 @@ impl Surface {
         &self,
         gains: &[f64],
         change: &[f64],
-        volume: &[f64],
+        volume: &Sizes,
         powers: &mut [f64],
     ) {
         let gains = &gains[self.faces.len()..];
@@ -171,7 +172,7 @@ impl Surface {
     }
 
     /// Adds the heat that other bodies give during a step (s) to what they gave.
-    pub(super) fn give_during(&mut self, step: f64, volume: &[f64]) {
+    pub(super) fn give_during(&mut self, step: f64, volume: &Sizes) {
         if self.given.is_empty() {
             return;
         }
@@ -187,7 +188,7 @@ impl Surface {
         &mut self,
         hottest: f64,
         conductivity: impl Fn(usize, usize) -> f64,
-        volume: &[f64],
+        volume: &Sizes,
     ) -> f64 {
         let changes = self.changes;
         let known = self.given.known_step;

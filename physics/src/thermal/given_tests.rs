@@ -133,7 +133,7 @@ impl Pair {
         setup.finish().expect("complete");
         for (body, start) in [(0, 300.0), (1, 800.0)] {
             let field = world.fields().find(body, "temperature").expect("owned");
-            let positions = world.body(body).points.position.clone();
+            let positions = world.body(body).points.position.to_vec();
             let values = world.values_mut(field).iter_mut().zip(positions);
             values.for_each(|(t, x)| *t = start + 5e3 * x.x);
         }

@@ -6,6 +6,7 @@
 
 use std::borrow::Cow;
 
+use perimelt_core::body::Sizes;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::solver::ExactSum;
 use perimelt_core::world::BodyIndex;
@@ -54,9 +55,13 @@ impl Growth {
         Ok(Growth {
             body,
             birth_temperature,
-            mass: density.iter().zip(volume).map(|(d, v)| d * v).collect(),
+            mass: density
+                .iter()
+                .zip(volume.each())
+                .map(|(d, v)| d * v)
+                .collect(),
             state: Born {
-                born: ActivityChanges::none(volume.len()),
+                born: ActivityChanges::none(volume.count()),
                 ..Born::default()
             },
             row_sums_of: None,
@@ -107,9 +112,10 @@ impl Growth {
     }
 
     /// Volumes of the points, zero where they are not born, m³.
-    pub(super) fn volumes(&self, volume: &[f64]) -> Vec<f64> {
-        let points = self.state.born.active().iter().zip(volume);
-        points.map(|(b, v)| if *b { *v } else { 0.0 }).collect()
+    pub(super) fn volumes(&self, volume: &Sizes) -> Sizes {
+        let points = self.state.born.active().iter().zip(volume.each());
+        let born = points.map(|(b, v)| if *b { v } else { 0.0 });
+        born.collect::<Vec<_>>().into()
     }
 
     /// Marks active points as born and others as removed; returns whether any point changed.

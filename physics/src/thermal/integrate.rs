@@ -191,16 +191,20 @@ impl Fields<'_> {
         let (volume, matter) = (flow.volume, flow.matter);
         let weights = flow.is_weighted.then_some(volume);
         if weights.is_some() {
-            loads.iter_mut().zip(volume).for_each(|(q, v)| *q *= v);
+            loads
+                .iter_mut()
+                .zip(volume.each())
+                .for_each(|(q, v)| *q *= v);
         }
         newton.options.absolute_tolerance = tolerance * points.norm(&loads);
+        let weights = weights.map(|volume| &**volume);
         let mut rate = TemperatureRate { flow, weights };
         let report = steady_state(newton, &mut rate, time, self.temperature, floating)?;
         let states = self.enthalpy.iter_mut().zip(&*self.temperature);
         let states = states.zip(matter.material);
         states.for_each(|((h, t), &m)| *h = matter.curves[m as usize].enthalpy(*t));
         // the balance counts the steady state only, not the states that the iteration of several bodies passed
-        let stored = points.dot(self.enthalpy, volume);
+        let stored = points.sum_over(self.enthalpy, volume, |h, v| h * v);
         let account = self.account;
         account.supply(stored - account.initial - account.supplied);
         Ok(report.into())
@@ -415,9 +419,8 @@ impl RunningThermal {
         };
         let given = world.read(given);
         let volume = &world.body(self.body).points.volume;
-        let heat = world
-            .reducer(self.body)
-            .sum_of([&given[..], volume], |[q, v]| q * v);
+        let reducer = world.reducer(self.body);
+        let heat = reducer.sum_over(&given, volume, |q, v| q * v);
         self.add_heat(world, &given);
         self.heat.supply(heat);
         self.heat.from_bodies += heat;

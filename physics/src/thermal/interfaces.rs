@@ -15,6 +15,7 @@
 //! Parallel to an interface, in a layer of one horizon, bonds that cross it conduct less than the materials in parallel. The
 //! resistance of a layer thinner than the horizon is neglected by bonds that cross it.
 
+use perimelt_core::body::Sizes;
 use perimelt_core::family::Mirrored;
 use perimelt_core::material::in_series;
 use perimelt_core::parallel::ParallelLoop;
@@ -68,7 +69,7 @@ impl BondKernel<2, 1> for RowSumAcross {
 pub(super) struct MaterialPoints<'a> {
     pub(super) material: &'a [u16],
     /// m.
-    pub(super) spacing: &'a [f64],
+    pub(super) spacing: &'a Sizes,
 }
 
 /// Distances of points from interfaces.
@@ -91,9 +92,11 @@ impl Interfaces {
     pub(super) fn of_layers(plane: &Family, points: MaterialPoints<'_>) -> Interfaces {
         let number = plane.points();
         let layers = (points.material.chunks(number)).zip(points.spacing.chunks(number));
-        let in_layer = |(material, spacing)| {
+        let in_layer = |(material, spacing): (&[u16], &[f64])| {
+            let spacing = &Sizes::from(spacing.to_vec());
             let points = MaterialPoints { material, spacing };
-            (0..number).map(move |p| distance(plane, points, p, |slot| plane.point_in(slot)))
+            let of = |p| distance(plane, points, p, |slot| plane.point_in(slot));
+            (0..number).map(of).collect::<Vec<_>>()
         };
         Interfaces {
             distance: layers.flat_map(in_layer).collect(),

@@ -162,7 +162,7 @@ impl RunningThermal {
             cause: Box::new(BelowZero {
                 body: body.name.clone(),
                 value: least,
-                position: body.points.position[point].into(),
+                position: body.points.position.at(point).into(),
                 solver,
                 cure,
             }),
@@ -216,8 +216,8 @@ impl RunningPhysics for RunningThermal {
         if let Some(growth) = &mut self.growth {
             growth.start(world);
         }
-        let heat = [&enthalpy[..], &self.heated_volumes(world)];
-        self.heat.initial = world.reducer(self.body).sum_of(heat, |[h, v]| h * v);
+        let volume = self.heated_volumes(world);
+        self.heat.initial = (world.reducer(self.body)).sum_over(&enthalpy, &volume, |h, v| h * v);
         Ok(())
     }
 
@@ -280,11 +280,11 @@ impl RunningPhysics for RunningThermal {
             return Vec::new();
         }
         let enthalpy = world.read::<f64>(self.fields.enthalpy.into());
-        let volume = &self.heated_volumes(world)[..];
+        let volume = &self.heated_volumes(world);
         let reducer = world.reducer(self.body);
-        let stored = reducer.sum_of([&enthalpy, volume], |[h, v]| h * v);
+        let stored = reducer.sum_over(&enthalpy, volume, |h, v| h * v);
         // errors are relative to the content: the change of the heat may vanish
-        let content = reducer.sum_of([&enthalpy, volume], |[h, v]| (h * v).abs());
+        let content = reducer.sum_over(&enthalpy, volume, |h, v| (h * v).abs());
         let (initial, supplied) = (
             self.heat.initial,
             self.heat.supplied + self.heat_of_moves(world),

@@ -58,7 +58,7 @@ fn rates(
     conducting: &Conducting,
     temperature: impl Fn(&Vector3<f64>) -> f64,
 ) -> Vec<f64> {
-    let at = |point: usize| temperature(&body.points.position[point]);
+    let at = |point: usize| temperature(&body.points.position.at(point));
     let Conducting {
         family,
         conductivity: [along, across, through],
@@ -98,7 +98,7 @@ fn a_ply_has_the_conductivities_of_its_tensor() {
         for (a, b) in [(0, 0), (1, 1), (0, 1)] {
             let rates = rates(&body, &family, |x| x[a] * x[b]);
             for (point, rate) in rates.iter().enumerate() {
-                if !is_inside(&body.points.position[point]) {
+                if !is_inside(&body.points.position.at(point)) {
                     continue;
                 }
                 let (sin, cos) = layers.angle(point).sin_cos();
@@ -139,7 +139,7 @@ fn linear_temperatures_are_in_equilibrium_with_the_exact_flux_through_plies() {
                 _ if layer == last => -flux,
                 _ => 0.0,
             };
-            if is_inside(&body.points.position[point]) {
+            if is_inside(&body.points.position.at(point)) {
                 assert!((rate - expected).abs() < 1e-7 * flux, "{rate} {expected}");
             }
         }

@@ -139,7 +139,7 @@ fn plies_of_several_materials_conduct_in_parallel() {
     };
     let body = stack.body(|_, ply| of_ply[ply]);
     let layers = body.layers().expect("layers").clone();
-    let (position, volume) = (body.points.position.clone(), body.points.volume.clone());
+    let (position, volume) = (body.points.position.to_vec(), body.points.volume.clone());
     let slope = 1e4;
     let mut s = heated(body, "", |[x, ..]| MIDDLE + slope * x);
     let mut heat = [0.0; 4];
@@ -177,7 +177,7 @@ fn materials_beside_each_other_in_a_ply_conduct_in_series() {
             let axis = if angle == 0.0 { 0 } else { 1 };
             let parts = conductivity.map(|k| [20e-3, k[axis]]);
             let flux = 1e4;
-            let (position, volume) = (body.points.position.clone(), body.points.volume.clone());
+            let (position, volume) = (body.points.position.to_vec(), body.points.volume.clone());
             let keys = format!("horizon = {horizon}");
             let mut s = heated(body, &keys, |[x, ..]| in_series(&parts, flux, x));
             let (mut heat, mut total) = (0.0, 0.0);
@@ -234,7 +234,7 @@ fn half_of_a_laminate_of_several_materials_cools_like_the_whole_with_every_solve
         let mut half = heated(stack(12e-3), &keys, hot(0.0));
         run(&mut whole);
         run(&mut half);
-        let positions = whole.world().body(0).points.position.clone();
+        let positions = whole.world().body(0).points.position.to_vec();
         let temperature = values(&whole, "temperature");
         let right = positions.iter().zip(&temperature);
         let right = right.filter(|(x, _)| x.x > 12e-3).map(|(_, t)| *t);

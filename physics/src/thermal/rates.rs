@@ -5,6 +5,7 @@
 //! boundaries, and what of it other bodies gave through each part of the surface. The scheme that integrates the state thereby
 //! integrates its account, and the balance holds to rounding.
 
+use perimelt_core::body::Sizes;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::reduce::are_equal;
@@ -51,7 +52,7 @@ pub(super) struct HeatFlow<'a> {
     pub(super) conduction: &'a mut Conduction,
     pub(super) matter: Matter<'a>,
     /// Reference volumes, to which enthalpies and sources refer, m³.
-    pub(super) volume: &'a [f64],
+    pub(super) volume: &'a Sizes,
     /// Whether the volumes are weights that make conduction symmetric, because they differ or points move.
     pub(super) is_weighted: bool,
     /// Current volumes, where points move.
@@ -98,7 +99,7 @@ impl HeatFlow<'_> {
         let Matter {
             curves, material, ..
         } = self.matter;
-        out.resize(self.volume.len(), 0.0);
+        out.resize(self.volume.count(), 0.0);
         let points = out.par_iter_mut().zip(enthalpy).zip(material);
         let points = points.with_min_len(4096);
         points.for_all(|((out, h), &m)| *out = of(&curves[m as usize], *h));
@@ -135,7 +136,10 @@ impl HeatFlow<'_> {
     /// Sums the flow from what was loaded and the other contributions; returns the power, W.
     fn sum(&mut self, through: HeatSum<'_>) -> f64 {
         self.conduction.flow(&self.matter);
-        let volume = self.current.as_ref().map_or(self.volume, |c| c.volume);
+        let volume = |point: usize| match &self.current {
+            Some(current) => current.volume[point],
+            None => self.volume[point],
+        };
         let mut power = self.conduction.inflow(self.matter.family, volume);
         let owned = self.matter.points.owned();
         let rate = &mut self.conduction.rate;
@@ -164,7 +168,7 @@ impl HeatFlow<'_> {
         }
         let is_change = matches!(through, HeatSum::Change { .. });
         if let Some(source) = self.source.filter(|_| !is_change) {
-            power.merge(&(self.matter.points).own_sum_of([source, self.volume], |[q, v]| q * v));
+            power.merge(&(self.matter.points).own_sum_over(source, self.volume, |q, v| q * v));
             rate.par_iter_mut()
                 .zip(source)
                 .with_min_len(4096)
@@ -174,7 +178,7 @@ impl HeatFlow<'_> {
             carried.add(&self.matter, *dt, rate);
         }
         if let Some(constraint) = self.constraint {
-            let points = rate.iter_mut().zip(constraint).zip(self.volume);
+            let points = rate.iter_mut().zip(constraint).zip(self.volume.each());
             for (point, (([r], c), v)) in points.enumerate() {
                 if *c > 0.0 {
                     if point < owned {
@@ -225,7 +229,7 @@ pub(super) struct EnthalpyRate<'a>(pub(super) HeatFlow<'a>);
 impl Rhs for EnthalpyRate<'_> {
     fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
         let flow = &mut self.0;
-        let points = flow.volume.len();
+        let points = flow.volume.count();
         let mut temperature = std::mem::take(&mut flow.vectors.temperature);
         flow.by_point(state, &mut temperature, EnthalpyCurve::temperature);
         rate[points] = flow.evaluate(&temperature);

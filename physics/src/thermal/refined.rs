@@ -23,6 +23,7 @@ mod window;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use perimelt_core::body::Sizes;
 use perimelt_core::field::Key;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::refinement::{Level, mean};
@@ -107,7 +108,7 @@ impl Refined {
             return Ok(Some(Refined::Plate(Box::new(Plate {
                 body,
                 taken: setup.take(body, &HEAT_OF_WINDOW)?,
-                volume: Arc::new([]),
+                volume: Arc::default(),
                 receivers: Vec::new(),
                 exchange: Exchange::default(),
                 at: None,
@@ -150,7 +151,7 @@ impl Refined {
     }
 
     /// Volumes of the points, zero where the window covers them, m³; `None` where all points count.
-    pub(super) fn uncovered(&self) -> Option<Arc<[f64]>> {
+    pub(super) fn uncovered(&self) -> Option<Arc<Sizes>> {
         match self {
             Refined::Window(_) => None,
             Refined::Plate(plate) => Some(plate.volume.clone()),

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use nalgebra::Vector3;
+use perimelt_core::body::Sizes;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::world::refinement::Level;
@@ -162,13 +163,13 @@ impl RunningThermal {
     }
 
     /// Volumes of the points whose heat counts, m³.
-    pub(super) fn heated_volumes<'a>(&self, world: &'a World) -> Cow<'a, [f64]> {
+    pub(super) fn heated_volumes<'a>(&self, world: &'a World) -> Cow<'a, Sizes> {
         let volume = &world.body(self.body).points.volume;
         let refinement = world.refinement(self.body);
         match (&self.growth, refinement) {
-            (Some(growth), _) => growth.volumes(volume).into(),
-            (None, Some((refinement, Level::Plate))) => refinement.uncovered(volume).into(),
-            (None, _) => volume.into(),
+            (Some(growth), _) => Cow::Owned(growth.volumes(volume)),
+            (None, Some((refinement, Level::Plate))) => Cow::Owned(refinement.uncovered(volume)),
+            (None, _) => Cow::Borrowed(volume),
         }
     }
 
@@ -408,7 +409,8 @@ impl RunningThermal {
             points: &reducer,
         };
         self.conduction.load(&matter, &temperature);
-        let inflow = (self.conduction).inflow(&family, &self.heated_volumes(world));
+        let volume = self.heated_volumes(world);
+        let inflow = (self.conduction).inflow(&family, |point| volume[point]);
         self.through_layers = reducer.total(inflow);
         let points = ConductingPoints {
             conduction: &self.conduction,

@@ -14,7 +14,7 @@
 
 use std::rc::Rc;
 
-use perimelt_core::body::SurfaceCell;
+use perimelt_core::body::{Sizes, SurfaceCell};
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::{ExactSum, Reducer};
 use perimelt_core::world::exchange::{Exchange, SurfaceDepth, SurfaceLaw};
@@ -265,7 +265,7 @@ impl Surface {
     pub(super) fn add(
         &self,
         rate: &mut [[f64; 1]],
-        volume: &[f64],
+        volume: &Sizes,
         owned: usize,
         power: &mut ExactSum,
     ) {
@@ -279,7 +279,7 @@ impl Surface {
         &self,
         heats: impl Iterator<Item = f64>,
         rate: &mut [[f64; 1]],
-        volume: &[f64],
+        volume: &Sizes,
         owned: usize,
         power: &mut ExactSum,
     ) {
@@ -306,7 +306,7 @@ impl Surface {
         &self,
         [gains, change]: [&[f64]; 2],
         rate: &mut [[f64; 1]],
-        volume: &[f64],
+        volume: &Sizes,
         owned: usize,
         power: &mut ExactSum,
     ) {

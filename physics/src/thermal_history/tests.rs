@@ -81,7 +81,7 @@ fn a_body_that_cools_evenly_solidifies_as_its_gradient_and_rate_say() {
             heated.step(0.7, |x| initial(x) - rate * 0.7 * f64::from(step));
         }
         let gradient = slope.rows(0, dimension).norm();
-        let positions = heated.world.body(0).points.position.clone();
+        let positions = heated.world.body(0).points.position.to_vec();
         let close = |found: Vec<f64>, exact: &dyn Fn(Vector3<f64>) -> f64| {
             for (found, x) in found.iter().zip(&positions) {
                 let exact = exact(*x);

@@ -92,7 +92,7 @@ impl Coupler for Bumper {
     fn prepare(self: Box<Self>, setup: &mut Setup<'_>) -> Prepared<dyn RunningCoupler> {
         let [a, b] = &self.bodies;
         let bodies = [setup.find_body(Some(a))?, setup.find_body(Some(b))?];
-        let volumes = bodies.map(|body| setup.body(body).points.volume.clone());
+        let volumes = bodies.map(|body| setup.body(body).points.volume.to_vec());
         let reach = volumes.each_ref().map(|v| vec![self.reach; v.len()]);
         let pairs = PairList::between(
             setup.world(),

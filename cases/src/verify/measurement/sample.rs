@@ -224,7 +224,8 @@ impl Sampler {
                 let body = world.body(*body);
                 let points = present(0..body.points.len(), *component, world);
                 let beyond = points.filter(|&p| component.at(world, p) > *above);
-                let tip = place_of_largest(body, beyond, |p| body.points.position[p].dot(along))?;
+                let tip =
+                    place_of_largest(body, beyond, |p| body.points.position.at(p).dot(along))?;
                 let angle = angle_from.map(|from| vec![angle_of(from, &tip)]);
                 angle.unwrap_or(tip)
             }
@@ -393,7 +394,7 @@ fn place_of_largest(
             best = Some((value, point));
         }
     }
-    best.map(|(_, point)| body.points.position[point].as_slice().to_vec())
+    best.map(|(_, point)| body.points.position.at(point).as_slice().to_vec())
 }
 
 /// Angle of the line from a place to a tip from x towards y, degrees.

@@ -136,7 +136,7 @@ fn only_bonds_near_the_front_are_found_again() {
     active[point.expect("there is one")] = true;
     family.set_active(&active);
     assert_eq!(family.version(), version + 1);
-    let far = |p: &&u32| (body.points.position[**p as usize].x - 30.0).abs() > 7.0;
+    let far = |p: &&u32| (body.points.position.at(**p as usize).x - 30.0).abs() > 7.0;
     assert!(family.recalibrated().len() > 10);
     assert_eq!(family.recalibrated().iter().filter(far).count(), 0);
     // patterns that no block has any more are used again

@@ -19,6 +19,7 @@ use std::cell::Cell;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use crate::body::Sizes;
 use crate::error::SetupError;
 use crate::field::{Key, Read, Write};
 use crate::world::{BodyIndex, World};
@@ -236,13 +237,13 @@ impl Refinement {
     }
 
     /// Volumes of the points of the plate that the window does not cover, else 0, m³.
-    pub fn uncovered(&self, volume: &[f64]) -> Vec<f64> {
-        let mut uncovered = volume.to_vec();
+    pub fn uncovered(&self, volume: &Sizes) -> Sizes {
+        let mut uncovered: Vec<f64> = volume.each().collect();
         for (first, count) in self.rows(self.position().low) {
             let point = self.plate_point(first);
             uncovered[point..point + count].fill(0.0);
         }
-        uncovered
+        uncovered.into()
     }
 
     /// How far the points of the window are from where the case places them, m.

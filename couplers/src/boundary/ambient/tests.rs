@@ -166,7 +166,7 @@ fn each_point_of_the_surface_sees_the_gas_near_it() {
         world = World::new(bodies);
         let (mut boundary, exchange) = prepared(&mut world, &keys, None).expect("valid");
         let field = world.fields().find(1, "temperature").expect("known");
-        let positions = world.body(1).points.position.clone();
+        let positions = world.body(1).points.position.to_vec();
         let values = world.values_mut(field).iter_mut().zip(&positions);
         values.for_each(|(t, x)| *t = 300.0 + 10.0 * x.x + x.y);
         apply(&world, &mut *boundary, 0.0);
@@ -174,7 +174,7 @@ fn each_point_of_the_surface_sees_the_gas_near_it() {
         let mut at_top = 0;
         for (i, cell) in cells.iter().enumerate() {
             assert!(cell.face.axis() < 2, "the gas is flat");
-            let at = world.body(0).points.position[cell.point as usize];
+            let at = world.body(0).points.position.at(cell.point as usize);
             let near = positions
                 .iter()
                 .filter(|x| ((*x - at).xy()).norm() <= 2.0 + 1e-9);

@@ -247,7 +247,7 @@ mod tests {
                 let [x, y] = [random.next(), random.next()];
                 size * Vector3::new(x, y, 0.0)
             };
-            let start = body.points.position.clone();
+            let start = body.points.position.to_vec();
             let disorder = 0.24 * SPACING;
             let position: Vec<_> = start
                 .iter()

@@ -6,7 +6,7 @@ use super::*;
 fn points_carry_their_mass_through_a_periodic_side() {
     let mut s = stream("shifting = 0.05", 400);
     run(&mut s);
-    let places = s.world().body(0).points.position.clone();
+    let places = s.world().body(0).points.position.to_vec();
     let displacement = values(&s, "displacement");
     let density = values(&s, "density");
     let momentum: f64 = values(&s, "velocity").iter().step_by(3).sum::<f64>() / 256.0;

@@ -102,7 +102,7 @@ fn check_apart(fluid: &Body, wall: &Body) -> Result<(), SetupError> {
     let Some(point) = fluid.first_inside(wall) else {
         return Ok(());
     };
-    let [x, y, z] = fluid.points.position[point].into();
+    let [x, y, z] = fluid.points.position.at(point).into();
     let message = format!(
         "point ({x:.3e}, {y:.3e}, {z:.3e}) m of body `{}` lies inside body `{}`",
         fluid.name, wall.name

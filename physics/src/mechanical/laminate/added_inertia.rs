@@ -11,6 +11,7 @@
 //! moments are kept. Motion is stable if `dt²/4` times the stiffness without K'' is no more than M (docs/theory/laminates.md, "Stable step and equilibrium").
 
 use nalgebra::{DMatrix, DVector};
+use perimelt_core::body::Sizes;
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::reduce::sum_points;
 use rayon::prelude::*;
@@ -187,7 +188,7 @@ impl AddedInertia {
     }
 
     /// Kinetic energy of the added inertia, J, by velocities (m/s) and the volumes of points (m³).
-    pub(super) fn kinetic_energy(&self, velocity: &[f64], volume: &[f64]) -> f64 {
+    pub(super) fn kinetic_energy(&self, velocity: &[f64], volume: &Sizes) -> f64 {
         let Some(inverse_thickness) = self.inverse_thickness.first() else {
             return 0.0;
         };

@@ -2,6 +2,7 @@
 
 use nalgebra::Matrix3;
 use perimelt_core::Body;
+use perimelt_core::body::Sizes;
 use perimelt_core::family::{AxisPlane, LayerRule, Mirrored};
 use perimelt_core::parallel::ParallelLoop;
 use rayon::prelude::*;
@@ -198,7 +199,7 @@ impl Solid for Laminate {
         self.added_inertia.set_step(step);
     }
 
-    fn added_kinetic_energy(&self, velocity: &[f64], volume: &[f64]) -> f64 {
+    fn added_kinetic_energy(&self, velocity: &[f64], volume: &Sizes) -> f64 {
         self.added_inertia.kinetic_energy(velocity, volume)
     }
 

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use nalgebra::Vector3;
-use perimelt_core::body::{Lattice, NO_POINT};
+use perimelt_core::body::{Lattice, NO_POINT, Positions, Same, Sizes};
 use perimelt_core::family::LayerRule;
 use perimelt_core::parallel::ParallelLoop;
 use perimelt_core::solver::{Reducer, SharedNodes};
@@ -32,9 +32,9 @@ pub struct Corners {
     /// The point of whose cell a corner is the one with each number; [`NO_POINT`] where there is none.
     pub(super) points: Vec<[u32; CORNERS]>,
     /// m.
-    pub(in crate::mechanical) position: Vec<Vector3<f64>>,
+    pub(in crate::mechanical) position: Positions,
     /// Volume of a cell, m³, for each corner.
-    pub(in crate::mechanical) volume: Vec<f64>,
+    pub(in crate::mechanical) volume: Sizes,
     /// Corners on the faces of the box.
     on_face: [Vec<u32>; 6],
     /// The corners, which processes may share.
@@ -68,21 +68,22 @@ impl Corners {
             (at[2] * size[1] + at[1]) * size[0] + at[0]
         };
         let mut around = vec![[NO_POINT; CORNERS]; size.iter().product()];
-        for (point, cell) in lattice.cell_of_point.iter().enumerate() {
+        for (point, cell) in lattice.cells_of_points().enumerate() {
             (0..1 << dimension)
-                .for_each(|corner| around[place(cell, corner)][corner] = point as u32);
+                .for_each(|corner| around[place(&cell, corner)][corner] = point as u32);
         }
         let mut this = Corners {
             dimension,
             spacing: lattice.spacing,
             of_point: vec![[0; CORNERS]; body.points.len()],
             points: Vec::new(),
-            position: Vec::new(),
-            volume: Vec::new(),
+            position: Positions::default(),
+            volume: Sizes::default(),
             on_face: Default::default(),
             reducer: Reducer::default(),
             shared: SharedPoints::default(),
         };
+        let mut position = Vec::new();
         for (index, around) in around.iter().enumerate() {
             let at = [
                 index % size[0],
@@ -92,8 +93,8 @@ impl Corners {
             let mut x = lattice.origin + Vector3::from(at.map(|n| n as f64 * lattice.spacing));
             (dimension..3).for_each(|a| x[a] += 0.5 * lattice.spacing);
             for group in joined_groups(body, around) {
-                let number = this.position.len() as u32;
-                this.position.push(x);
+                let number = position.len() as u32;
+                position.push(x);
                 for face in Face::ALL.into_iter().filter(|f| f.axis() < dimension) {
                     let last = if face.is_upper() {
                         size[face.axis()] - 1
@@ -112,7 +113,11 @@ impl Corners {
                 this.points.push(group);
             }
         }
-        this.volume = vec![body.points.volume[0]; this.position.len()];
+        this.volume = Sizes::by(Same {
+            value: body.points.volume[0],
+            count: position.len(),
+        });
+        this.position = position.into();
         if points.processes().size() > 1 {
             this.shared = this.share(body, points);
         }
@@ -175,7 +180,8 @@ impl Corners {
         let lists = lists.chain(self.on_face.iter_mut().flatten());
         lists.for_each(|corner| *corner = place[*corner as usize]);
         self.points = order.iter().map(|corner| self.points[*corner]).collect();
-        self.position = order.iter().map(|corner| self.position[*corner]).collect();
+        let position = order.iter().map(|corner| self.position.at(*corner));
+        self.position = position.collect::<Vec<_>>().into();
     }
 
     /// Sums over the corners.
@@ -407,14 +413,14 @@ pub(super) fn behind(body: &Body, symmetry: &[Face], point: usize, face: Face) -
         true => lattice.cells[face.axis()] - 1,
         false => 0,
     };
-    let cell = lattice.cell_of_point[point][face.axis()] as usize;
+    let cell = lattice.cell(point)[face.axis()] as usize;
     (cell == last).then_some(Behind::Image)
 }
 
 /// The point behind a face of the cell of a point, unless a crack is between them.
 fn joined(body: &Body, point: usize, face: Face) -> Option<usize> {
     let other = body.neighbour(point, face)?;
-    let from = body.points.position[point];
+    let from = body.points.position.at(point);
     let to = from + body.points.spacing[point] * face.normal();
     let is_cut = body.cuts.iter().any(|cut| cut.crosses(&from, &to));
     (!is_cut).then_some(other)

@@ -44,7 +44,7 @@ fn cracks_part_corners() {
     let upper: Vec<bool> = (0..corners(&*solid).position.len())
         .map(|corner| {
             let mut around = corners(&*solid).around(corner, &[]);
-            around.all(|(_, point)| body.points.position[point].y > 0.002)
+            around.all(|(_, point)| body.points.position.at(point).y > 0.002)
         })
         .collect();
     let apart: Vec<f64> = upper

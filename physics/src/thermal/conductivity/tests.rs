@@ -84,7 +84,7 @@ fn rates(dimension: usize, temperature: impl Fn([f64; 3]) -> f64) -> Vec<f64> {
         Vec::new(),
         TIME,
     );
-    let positions = s.world().body(0).points.position.clone();
+    let positions = s.world().body(0).points.position.to_vec();
     let (min, max) = s.world().body(0).bounds();
     let middle = 0.5 * (min + max);
     set(&mut s, "temperature", |x| {

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use perimelt_core::body::Sizes;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Family, Read, World};
 
@@ -15,7 +16,7 @@ pub(in crate::thermal) struct Plate {
     pub(super) body: BodyIndex,
     pub(super) taken: Read<f64>,
     /// Volume of each cell, zero where the window covers it, m³.
-    pub(super) volume: Arc<[f64]>,
+    pub(super) volume: Arc<Sizes>,
     /// Points beside the window.
     pub(super) receivers: Vec<u32>,
     pub(super) exchange: Exchange,
@@ -35,7 +36,7 @@ impl Plate {
         }
         self.at = Some(low);
         let body = world.body(self.body);
-        self.volume = refinement.uncovered(&body.points.volume).into();
+        self.volume = Arc::new(refinement.uncovered(&body.points.volume));
         let spacing = body.finest_spacing();
         let reach = (family.spec().horizon.of(spacing) / spacing).ceil() as i64 + 1;
         let covered = refinement.cells();

@@ -269,7 +269,7 @@ impl WallBody {
         let Some(immersed) = &self.immersed else {
             return (0.0, Vector3::zeros());
         };
-        let at = solid.points.position[point];
+        let at = solid.points.position.at(point);
         let outward = immersed.normal[point];
         match solid.surface_near(at, outward) {
             Some(part) => ((part.foot - at).dot(&part.normal), -part.normal),

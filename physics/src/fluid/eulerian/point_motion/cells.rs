@@ -148,8 +148,8 @@ impl Cells {
             let itself = || self.number(cell.map(i64::from)).expect("itself");
             self.number(to).unwrap_or_else(itself)
         };
-        let cells = self.grid().cell_of_point.iter();
-        let cells = cells.map(|cell| [0, 1, 2].map(|a| [-1, 1].map(|s| beside(cell, a, s))));
+        let cells = self.grid().cells_of_points();
+        let cells = cells.map(|cell| [0, 1, 2].map(|a| [-1, 1].map(|s| beside(&cell, a, s))));
         cells.collect()
     }
 

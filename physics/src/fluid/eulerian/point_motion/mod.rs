@@ -139,7 +139,7 @@ impl PointMotion {
         let cells = self.in_walls.iter().map(|wall| wall.cell as usize);
         cells.map(|cell| {
             [
-                self.cells.body.points.position[cell],
+                self.cells.body.points.position.at(cell),
                 self.displacement[cell],
             ]
         })

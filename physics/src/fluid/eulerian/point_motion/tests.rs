@@ -169,7 +169,7 @@ fn error_of_forces(n: usize) -> f64 {
         (push + diffusion, *v)
     };
     let volume = |i: usize| {
-        let x = &fluid.body.points.position[i];
+        let x = &fluid.body.points.position.at(i);
         let wave = |a: f64, b: f64| 0.02 * TAU * a * b;
         let ((s, c), (t, d)) = ((TAU * x.x).sin_cos(), (TAU * x.y).sin_cos());
         (1.0 + wave(c, d)) * (1.0 + 0.7 * wave(s, t)) - 0.7 * wave(c, d) * wave(s, t)
@@ -222,7 +222,7 @@ fn short_waves_decay_by_the_diffusivity_that_they_lack() {
     const SPEED: f64 = 3.0;
     let mut fluid = Channel::new(2, N, &[]);
     fluid.medium.viscosity.value.fill(1e-12);
-    let places = fluid.body.points.position.clone();
+    let places = fluid.body.points.position.to_vec();
     let velocity: Vec<_> = places
         .iter()
         .map(|x| Vector3::new(SPEED, 1e-3 * (TAU * x.x).sin(), 0.0))

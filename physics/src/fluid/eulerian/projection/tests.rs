@@ -255,7 +255,7 @@ fn curvature_is_that_of_a_circle_and_of_a_sphere() {
     for (dimension, n, tension) in [(2, 40, 5.0), (3, 24, 10.0)] {
         let mut tank = Tank::with(dimension, n, sides(dimension), 2.015, Some(STEEL_AND_GAS));
         let spacing = 1.0 / n as f64;
-        let place = tank.body.points.position.clone();
+        let place = tank.body.points.position.to_vec();
         let height = if dimension == 3 { 0.5 } else { place[0].z };
         let middle = Vector3::new(0.5, 0.5, height);
         let distance = |x: &Vector3<f64>| 0.3 - (x - middle).norm();
@@ -278,7 +278,7 @@ fn curvature_is_that_of_a_circle_and_of_a_sphere() {
 fn a_drop_in_a_stream_keeps_volume_and_momentum() {
     let n = 24;
     let mut tank = Tank::with(2, n, &[], 2.015, Some(STEEL_AND_GAS));
-    let place = tank.body.points.position.clone();
+    let place = tank.body.points.position.to_vec();
     let length = 0.75 / n as f64;
     let distance = |x: &Vector3<f64>| 0.25 - (x.x - 0.5).hypot(x.y - 0.5);
     let fraction: Vec<f64> = (place
@@ -333,7 +333,7 @@ fn walls_pull_at_an_interface() {
         (pair.angles).extend(angle.map(|angle| ContactAngle { wall, angle }));
         let mut tank = Tank::with(2, n, sides(2), 2.015, Some(pair));
         let spacing = 1.0 / n as f64;
-        let place = tank.body.points.position.clone();
+        let place = tank.body.points.position.to_vec();
         let fraction = |x: &Vector3<f64>| 1.0 / (1.0 + ((x.x - 0.5) / (0.75 * spacing)).exp());
         tank.rates
             .set_fraction(&place.iter().map(fraction).collect::<Vec<_>>());
@@ -368,7 +368,7 @@ fn a_plane_that_meets_a_wall_at_its_angle_continues() {
     });
     let mut tank = Tank::with(2, n, sides(2), 2.015, Some(pair));
     let spacing = 1.0 / n as f64;
-    let place = tank.body.points.position.clone();
+    let place = tank.body.points.position.to_vec();
     let normal = Vector3::new(0.75_f64.sqrt(), -0.5, 0.0);
     let distance = |x: &Vector3<f64>| normal.dot(&(x - Vector3::new(0.5, 0.2, x.z)));
     let fraction = |x: &Vector3<f64>| 1.0 / (1.0 + (-distance(x) / (0.75 * spacing)).exp());

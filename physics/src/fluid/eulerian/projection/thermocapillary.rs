@@ -208,7 +208,7 @@ fn face_points(body: &Body, family: &Family, inverse: f64, face: Face) -> Vec<Fa
     let plane = body.face_position(face);
     let mut found = Vec::new();
     for point in 0..body.points.len() {
-        let place = body.points.position[point][across];
+        let place = body.points.position.at(point)[across];
         let mut weight = 0.0;
         family.for_each_bond(point, |_, bond, _| {
             let end = place + bond.xi[across] - plane;

@@ -142,7 +142,7 @@ impl WettedBody {
             let (depth, normal) = wall.surface_behind(solid, point);
             Place {
                 point,
-                at: solid.points.position[point],
+                at: solid.points.position.at(point),
                 depth,
                 normal,
             }

@@ -66,7 +66,7 @@ impl Wetting {
         let wetted = |f: &Face| at_faces[*f as usize].is_some();
         let faces = || Face::ALL.into_iter().filter(wetted);
         let is_next_to = |point: usize, face: Face| {
-            let along = body.points.position[point][face.axis()];
+            let along = body.points.position.at(point)[face.axis()];
             (along - body.face_position(face)).abs() < body.finest_spacing()
         };
         let mut beside_body = vec![false; body.points.len()];
