@@ -1,7 +1,8 @@
 //! `perimelt bench`: how fast this machine sweeps over bonds and what limits it, or how fast processes exchange messages and what follows for many of them.
 //!
-//! Both print a page in Markdown: `docs/kernels.md` and `docs/scaling.md`.
+//! or the memory and set-up of cases. Each prints a page in Markdown: `docs/kernels.md`, `docs/scaling.md` and `docs/memory.md`.
 
+mod footprint;
 mod messages;
 mod model;
 mod sweeps;
@@ -9,15 +10,29 @@ mod sweeps;
 use std::error::Error;
 use std::hint::black_box;
 use std::io::Write;
+use std::path::PathBuf;
 use std::time::Instant;
 
 use perimelt_core::transport::Processes;
 
 use crate::argument;
+use crate::case::change::Change;
 use crate::verify::results::machine;
 
 #[derive(clap::Args, Debug)]
 pub struct BenchArgs {
+    /// Cases whose set-up and memory are measured, instead of sweeps
+    #[arg(value_name = "CASE", conflicts_with_all = ["threads", "mpi"])]
+    pub cases: Vec<PathBuf>,
+    /// Numbers of points that the cases get by other spacings, such as 1e6,8e6 [default: those of the cases]
+    #[arg(long, value_delimiter = ',', value_name = "N", requires = "cases", value_parser = points)]
+    pub points: Vec<f64>,
+    /// Measure one case in this program, for another one that prints the table
+    #[arg(long, hide = true, requires = "cases")]
+    pub alone: bool,
+    /// Another value of a key of that case
+    #[arg(long, value_name = "KEY=VALUE", hide = true, requires = "alone")]
+    pub set: Vec<Change>,
     /// Numbers of threads [default: 1 and those of the machine]
     #[arg(long, value_delimiter = ',', value_parser = argument::threads, conflicts_with = "mpi")]
     pub threads: Vec<usize>,
@@ -33,11 +48,27 @@ pub struct BenchArgs {
 )]
 struct Single;
 
-/// Prints the page of a machine.
+/// A number of points.
+fn points(text: &str) -> Result<f64, String> {
+    let number = text
+        .parse()
+        .ok()
+        .filter(|n: &f64| *n >= 1.0 && n.is_finite());
+    number.ok_or_else(|| "expected a number of points, such as 1e6".into())
+}
+
+/// Prints the page of a machine, or that of cases.
 ///
 /// # Errors
 /// When threads cannot be started, or the output cannot be written.
 pub fn bench(args: &BenchArgs, out: &mut impl Write) -> Result<(), Box<dyn Error>> {
+    if let ([case], true) = (&args.cases[..], args.alone) {
+        return footprint::measure(case, &args.set, out);
+    }
+    if !args.cases.is_empty() {
+        writeln!(out, "# Memory and set-up\n\nMachine: {}.\n", machine())?;
+        return footprint::write(&args.cases, &args.points, out);
+    }
     writeln!(
         out,
         "# Kernels\n\nWritten by `perimelt bench`. Machine: {}.\n",

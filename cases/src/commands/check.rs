@@ -111,8 +111,8 @@ fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {
             )?;
             total += family.memory;
         }
-        // position and volume
-        total += 32 * body.points.len();
+        total += body.points.memory() + body.lattice().map_or(0, Lattice::memory);
+        total += size_of_val(&*body.material_of_point);
     }
     total += world
         .fields()

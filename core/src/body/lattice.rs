@@ -64,6 +64,13 @@ impl Lattice {
         }
     }
 
+    /// Memory, bytes.
+    pub fn memory(&self) -> usize {
+        self.numbering.as_ref().map_or(0, |numbering| {
+            size_of_val(&*numbering.point_of_cell) + size_of_val(&*numbering.cell_of_point)
+        })
+    }
+
     fn cell_count(&self) -> usize {
         self.cells.iter().product()
     }

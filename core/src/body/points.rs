@@ -33,6 +33,11 @@ impl Points {
         (0..self.len()).map(|p| self.horizon(p, horizon)).collect()
     }
 
+    /// Memory, bytes.
+    pub fn memory(&self) -> usize {
+        self.position.memory() + self.volume.memory() + self.spacing.memory()
+    }
+
     /// Number of points.
     pub fn len(&self) -> usize {
         self.position.count()
@@ -145,9 +150,9 @@ impl<R: PointRule> PointValues<R> {
         self.list.get_or_init(|| self.each().collect())
     }
 
-    /// Whether the list takes memory although there is a rule.
-    pub fn is_listed_beside_rule(&self) -> bool {
-        self.rule.is_some() && self.list.get().is_some()
+    /// Memory of the list, bytes.
+    pub fn memory(&self) -> usize {
+        self.list.get().map_or(0, |list| size_of_val(&**list))
     }
 }
 

@@ -371,11 +371,21 @@ impl MechanicalRun {
     ///
     /// # Errors
     /// An energy that grew without work.
-    pub(super) fn sample_energy(&mut self, world: &World, time: f64) -> Result<(), RunError> {
+    fn sample_energy(&mut self, world: &World, time: f64) -> Result<(), RunError> {
+        let energy = self.energy(world);
+        self.check_energy(world, time, energy)
+    }
+
+    /// Checks the energies of an explicit body now, from the first step on.
+    pub(super) fn check_energy(
+        &mut self,
+        world: &World,
+        time: f64,
+        energy: Energy,
+    ) -> Result<(), RunError> {
         if self.state.watch.steps == 0 {
             return Ok(());
         }
-        let energy = self.energy(world);
         let stored = energy.stored();
         let negligible = self.negligible_energy(world, &energy);
         // moduli may have changed since the last sample

@@ -282,15 +282,14 @@ impl RunningPhysics for RunningMechanical {
     fn observe(&mut self, world: &World, time: f64) -> Result<(), RunError> {
         let run = &mut self.run;
         if self.is_explicit {
-            run.sample_energy(world, time)?;
+            let energy = run.energy(world);
+            run.check_energy(world, time, energy)?;
+            run.logged_energy = Some(energy);
         }
         run.provide_conjugate_stress(world);
         run.provide_conjugate_tensor(world);
         run.provide_stress(world);
         run.examine_validity(world);
-        if self.is_explicit {
-            run.logged_energy = Some(run.energy(world));
-        }
         run.count_broken_bonds(world);
         for (i, section) in self.sections.iter().enumerate() {
             run.section_forces[i] = section.force(run, world);

@@ -135,7 +135,20 @@ fn sum_block_avx2<const I: usize, const O: usize>(
     inputs: &[&[f64]; I],
     slot: usize,
 ) -> [[f64; O]; BLOCK] {
-    sum_lanes(kernel, bonds, inputs, slot)
+    let LaneBonds { stencil, weights } = bonds;
+    // compiled for either case: with a branch in the loop the lanes are computed one after the other
+    match weights {
+        None => sum_lanes(
+            kernel,
+            LaneBonds {
+                stencil,
+                weights: None,
+            },
+            inputs,
+            slot,
+        ),
+        Some(_) => sum_lanes(kernel, LaneBonds { stencil, weights }, inputs, slot),
+    }
 }
 
 impl Stencil {
@@ -164,6 +177,15 @@ impl<const N: usize> LaneBonds<'_, N> {
         })
     }
 
+    /// Whether no lane has the bond. Comparisons number by number would be branches.
+    #[inline(always)]
+    pub(super) fn are_absent(self, number: usize) -> bool {
+        let bits = |weights: &[f64; N]| weights.iter().fold(0, |bits, w| bits | w.to_bits());
+        let all = |[weights, duals]: &Weights<N>| bits(weights) | bits(duals);
+        self.weights
+            .is_some_and(|weights| all(&weights[number]) == 0)
+    }
+
     /// Whether a bond counts: the inputs of slots without a point may be any number or NaN.
     #[inline(always)]
     pub(super) fn counts(self, bond: &Bond) -> bool {
@@ -183,20 +205,33 @@ pub(super) fn sum_lanes<const I: usize, const O: usize, const N: usize>(
     let mut sums = [[0.0; N]; O];
     // each bond is copied: the compiler would gather the fields of a reference lane by lane
     for (number, &StencilBond { offset, bond }) in bonds.stencil.iter().enumerate() {
-        if bonds
-            .weights
-            .is_some_and(|weights| weights[number] == [[0.0; N]; 2])
-        {
+        if bonds.are_absent(number) {
             continue;
         }
         let at = slot.wrapping_add_signed(offset);
         let other: [[f64; N]; I] = lanes(inputs, at);
+        if bonds.weights.is_none() {
+            for lane in 0..N {
+                let part = kernel.bond(&bond, lane_of(&own, lane), lane_of(&other, lane));
+                for (sums, part) in sums.iter_mut().zip(&part) {
+                    sums[lane] += part;
+                }
+            }
+            continue;
+        }
+        // all lanes first: divisions of bonds that may not count would be computed one by one
+        let mut parts = [[0.0; N]; O];
         for lane in 0..N {
             let bond = bonds.of_lane(number, bond, lane);
             let part = kernel.bond(&bond, lane_of(&own, lane), lane_of(&other, lane));
-            let counts = bonds.counts(&bond);
-            for (sums, part) in sums.iter_mut().zip(&part) {
-                sums[lane] += if counts { *part } else { 0.0 };
+            for (parts, part) in parts.iter_mut().zip(&part) {
+                parts[lane] = *part;
+            }
+        }
+        for lane in 0..N {
+            let counts = bonds.counts(&bonds.of_lane(number, bond, lane));
+            for (sums, parts) in sums.iter_mut().zip(&parts) {
+                sums[lane] += if counts { parts[lane] } else { 0.0 };
             }
         }
     }

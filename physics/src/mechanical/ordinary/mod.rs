@@ -460,7 +460,14 @@ impl<L: BondForce> Solid for Ordinary<L> {
         base.family.sum(&Block, inputs, &mut blocks);
         let layers = &base.layer_forces;
         layers.complete_blocks(&Block, inputs, None, &mut blocks);
-        let largest = |block| 2.0 * symmetric(block).symmetric_eigenvalues().max();
+        // most points have the block of the one before
+        let mut last = ([f64::NAN; 6], 0.0);
+        let mut largest = |block: &[f64; 6]| {
+            if last.0 != *block {
+                last = (*block, 2.0 * symmetric(block).symmetric_eigenvalues().max());
+            }
+            last.1
+        };
         // sums exist at the points of the family
         let blocks = &blocks[..base.family.points()];
         let squares = blocks.iter().zip(density).map(|(b, rho)| largest(b) / rho);

@@ -245,6 +245,9 @@ fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
     let own: [[f64; BLOCK]; I] = lanes(inputs, slot);
     let mut sums = [[0.0; BLOCK]; O];
     for (number, &StencilBond { offset, bond }) in bonds.stencil.iter().enumerate() {
+        if bonds.are_absent(number) {
+            continue;
+        }
         let at = slot.wrapping_add_signed(offset);
         let other: [[f64; BLOCK]; I] = lanes(inputs, at);
         let mut others = [[0.0; BLOCK]; O];
@@ -252,6 +255,9 @@ fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
             // SAFETY: see `PairSweep::add`.
             *others = unsafe { sweep.planes.get(o, at) };
         }
+        // fresh arrays: conditional stores to those that are read would be masked, which takes AMD processors without AVX-512
+        // longer than the bond
+        let (mut next, mut next_others) = ([[0.0; BLOCK]; O], [[0.0; BLOCK]; O]);
         for lane in 0..BLOCK {
             let bond = bonds.of_lane(number, bond, lane);
             let mut here = lane_of(&sums, lane);
@@ -261,14 +267,15 @@ fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
             kernel.add_ends(&bond, lane_of(&own, lane), lane_of(&other, lane), both);
             let counts = bonds.counts(&bond);
             for o in 0..K::PAIRED {
-                sums[o][lane] = if counts { here[o] } else { sums[o][lane] };
-                others[o][lane] = if counts { there[o] } else { others[o][lane] };
+                next[o][lane] = if counts { here[o] } else { sums[o][lane] };
+                next_others[o][lane] = if counts { there[o] } else { others[o][lane] };
             }
             for o in K::PAIRED..O {
-                sums[o][lane] += if counts { here[o] } else { 0.0 };
+                next[o][lane] = sums[o][lane] + if counts { here[o] } else { 0.0 };
             }
         }
-        for (o, others) in others.into_iter().enumerate().take(K::PAIRED) {
+        sums = next;
+        for (o, others) in next_others.into_iter().enumerate().take(K::PAIRED) {
             // SAFETY: see `PairSweep::add`.
             unsafe { sweep.planes.set(o, at, others) }
         }
