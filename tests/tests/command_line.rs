@@ -249,3 +249,26 @@ fn a_misspelt_key_of_a_change_is_answered_with_the_right_one() {
         assert!(!done && message.contains(&hint), "{message}");
     }
 }
+
+#[test]
+fn set_up_and_memory_of_a_case_are_measured_for_other_numbers_of_points() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let case = perimelt_tests::root().join("cases/performance/heat-block.toml");
+    let case = case.to_str().expect("a path");
+    let arguments = ["bench", case, "--points", "1000,8e3"];
+    let output = command(folder.path(), &arguments)
+        .output()
+        .expect("it starts");
+    let page = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{page}");
+    for points in [1000, 8000] {
+        let row = page
+            .lines()
+            .find(|line| line.contains(&format!("| {points} |")));
+        let last = row.and_then(|row| row.trim_end_matches(" |").rsplit(' ').next());
+        let bytes: f64 = last.and_then(|n| n.parse().ok()).expect("bytes a point");
+        assert!(bytes > 40.0, "{page}");
+    }
+    let (done, message) = told(folder.path(), &["bench", case, "--points", "none"]);
+    assert!(!done && message.contains("such as 1e6"), "{message}");
+}
