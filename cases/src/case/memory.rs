@@ -9,9 +9,12 @@ use super::sections::BodySection;
 use super::{Case, Result};
 use crate::unit::bytes;
 
-/// Bytes of a point with the fewest fields: position, volume, cell, temperature, enthalpy, heat, and the arrays of a solver. Mechanics
-/// take several times as much.
-const BYTES_PER_POINT: f64 = 200.0;
+/// Bytes of a point of a lattice with the fewest fields: temperature, enthalpy, heat, and the arrays of a solver. Mechanics take several
+/// times as much.
+const BYTES_PER_POINT: f64 = 48.0;
+
+/// Bytes of a point of a cloud, with its position, volume, cell and bonds.
+const BYTES_PER_CLOUD_POINT: f64 = 200.0;
 
 /// Bytes of a cell of the box around a body.
 const BYTES_PER_CELL: f64 = 4.0;
@@ -76,12 +79,12 @@ impl Case {
         let Some(available) = self.memory else {
             return Ok(());
         };
-        let (key, boxes, points) = match section.spacing {
+        let (key, boxes, points, each) = match section.spacing {
             Some(spacing) if spacing > 0.0 => {
                 let Some((boxes, points)) = cells(shape, section.dimension, spacing) else {
                     return Ok(());
                 };
-                ("spacing", boxes, points)
+                ("spacing", boxes, points, BYTES_PER_POINT)
             }
             _ => {
                 let of_zone = |zone: &perimelt_core::body::Zone| {
@@ -90,10 +93,10 @@ impl Case {
                         .product::<f64>()
                 };
                 let points: f64 = section.zones.iter().map(of_zone).sum();
-                ("zones", 0.0, points)
+                ("zones", 0.0, points, BYTES_PER_CLOUD_POINT)
             }
         };
-        let needed = BYTES_PER_CELL * boxes + BYTES_PER_POINT * points;
+        let needed = BYTES_PER_CELL * boxes + each * points;
         // smaller ones are not worth an estimate, and more points than an index can count are refused later
         if needed <= available || needed < 1e9 || boxes > MOST_CELLS {
             return Ok(());
@@ -147,7 +150,7 @@ mod tests {
         let cube = "shape.box = { min = [0, 0, 0], max = [0.01, 0.01, 0.01] }\nspacing = 2e-5";
         let zones = "shape.box = { min = [0, 0, 0], max = [0.01, 0.01, 0.01] }\nzones = [{ min = [0, 0, 0], max = [0.01, 0.01, 0.01], spacing = 2e-5 }]";
         for body in [cube, zones] {
-            let error = case(body, Some(8e9)).expect_err("25 GB");
+            let error = case(body, Some(4e9)).expect_err("at least 6 GB");
             assert!(
                 error.contains("1.25e8 points") && error.contains("--any-memory"),
                 "{error}"
