@@ -190,19 +190,18 @@ impl Points {
         Curve::of(&self).sort(&mut order, &self.position, |p| p);
         let points = self.reordered(&order);
         let cloud = Cloud::new(points.position.to_vec(), &points.spacing, slack);
-        (points, Discretisation::Cloud(cloud))
+        (points, Discretisation::Cloud(Box::new(cloud)))
     }
 
     fn reordered(&self, order: &[u32]) -> Points {
-        let of =
-            |values: &[f64]| -> Vec<f64> { order.iter().map(|&p| values[p as usize]).collect() };
+        let factor = |point: &u32| self.horizon_factor[*point as usize];
         Points {
             position: self.position.of(order),
             volume: self.volume.of(order),
             spacing: self.spacing.of(order),
             horizon_factor: match self.horizon_factor.is_empty() {
                 true => Vec::new(),
-                false => of(&self.horizon_factor),
+                false => order.iter().map(factor).collect(),
             },
         }
     }

@@ -14,8 +14,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, BodyError, Discretisation, Face, Points, positive};
-use super::{Same, Sizes};
+use super::{Body, BodyError, Discretisation, Face, Points, Same, Sizes, positive};
 use crate::shape::{Bounds, Shape};
 
 /// Largest difference between the thickness of a shape and that of its plies, relative: rounding of decimals.

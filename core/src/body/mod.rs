@@ -63,7 +63,7 @@ pub enum Discretisation {
     /// Centres of the cells of one uniform grid.
     Lattice(Arc<Lattice>),
     /// Points with individual spacings.
-    Cloud(Cloud),
+    Cloud(Box<Cloud>),
     /// Layers of points over one plane grid.
     Layers(Layers),
 }
@@ -319,9 +319,7 @@ impl Body {
     fn spacings(&self) -> [f64; 2] {
         match &self.discretisation {
             Discretisation::Lattice(lattice) => [lattice.spacing; 2],
-            Discretisation::Cloud(Cloud {
-                whole: Some(whole), ..
-            }) => whole.spacings,
+            Discretisation::Cloud(cloud) if let Some(whole) = cloud.whole => whole.spacings,
             _ => {
                 let each = self.points.spacing.each();
                 [

@@ -204,7 +204,7 @@ impl Body {
                     fills_box: self.fills_box(),
                     spacings: [self.finest_spacing(), self.coarsest_spacing()],
                 };
-                Discretisation::Cloud(cloud.subset(centres, &spacing, whole))
+                Discretisation::Cloud(Box::new(cloud.subset(centres, &spacing, whole)))
             }
             // families of layers are those of their plane grid
             Discretisation::Layers(layers) => Discretisation::Layers(layers.clone()),
@@ -212,7 +212,9 @@ impl Body {
         Body {
             points: Points {
                 position: match &discretisation {
-                    Discretisation::Lattice(lattice) => Positions::by(lattice.clone()),
+                    Discretisation::Lattice(lattice) if points.position.follow_rule() => {
+                        Positions::by(lattice.clone())
+                    }
                     _ => points.position.of(numbers),
                 },
                 volume: points.volume.subset(numbers),

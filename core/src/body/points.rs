@@ -126,6 +126,11 @@ impl<R: PointRule> PointValues<R> {
         }
     }
 
+    /// Whether the values follow a rule.
+    pub fn follow_rule(&self) -> bool {
+        self.rule.is_some()
+    }
+
     /// Value of a point.
     #[inline]
     pub fn at(&self, point: usize) -> R::Value {
@@ -236,6 +241,73 @@ impl Index<usize> for Sizes {
         match &self.rule {
             Some(same) => &same.value,
             None => &self.list()[point],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::Body;
+    use crate::shape::{BoxShape, Shape, Sphere};
+
+    #[test]
+    fn lists_have_the_values_of_the_rule_and_take_memory_when_they_are_asked_for() {
+        let cube = Shape::Box(BoxShape {
+            min: [0.1; 3],
+            max: [1.0; 3],
+        });
+        let ball = Shape::Sphere(Sphere {
+            centre: [0.3; 3],
+            radius: 0.7,
+        });
+        for (shape, is_full) in [(cube, true), (ball, false)] {
+            let body = Body::fill("body", &shape, 3, 0.1, 1.0).expect("valid");
+            let (points, lattice) = (&body.points, body.lattice().expect("a lattice"));
+            assert_eq!(lattice.is_full(), is_full);
+            assert_eq!(lattice.memory() == 0, is_full);
+            assert_eq!(points.memory(), 0);
+            let cells = lattice.cells_of_points();
+            assert!(cells.clone().is_sorted_by_key(|[x, y, z]| [z, y, x]));
+            for (point, cell) in cells.enumerate() {
+                assert_eq!(lattice.point(cell.map(i64::from)), Some(point));
+                assert_eq!(points.position.at(point), lattice.centre(cell));
+            }
+            assert!(points.position.iter().copied().eq(points.position.each()));
+            assert_eq!(points.memory(), 24 * points.len());
+            assert_eq!(
+                points.volume.iter().sum::<f64>(),
+                points.volume.each().sum::<f64>()
+            );
+        }
+    }
+
+    #[test]
+    fn values_that_change_follow_no_rule() {
+        let value = 2.0;
+        let mut sizes = Sizes::by(Same { value, count: 3 });
+        assert_eq!((sizes.same(), sizes[2]), (Some(2.0), 2.0));
+        sizes[1] = 3.0;
+        assert_eq!(sizes.same(), None);
+        assert_eq!(*sizes, [2.0, 3.0, 2.0]);
+    }
+
+    #[test]
+    fn parts_have_the_positions_of_the_body_where_it_was_moved_too() {
+        let cube = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [0.5; 3],
+        });
+        let mut body = Body::fill("body", &cube, 3, 0.1, 1.0).expect("valid");
+        for moved in [false, true] {
+            if moved {
+                body.points.position.iter_mut().for_each(|x| x.z += 0.3);
+            }
+            let part = crate::body::Part::new(&body, &[7, 8, 9], Horizon::Spacings(2.0));
+            for (point, number) in part.numbers().iter().enumerate() {
+                let whole = body.points.position.at(*number as usize);
+                assert_eq!(part.body.points.position.at(point), whole);
+            }
         }
     }
 }
