@@ -257,6 +257,7 @@ fn set_up_and_memory_of_a_case_are_measured_for_other_numbers_of_points() {
     let case = case.to_str().expect("a path");
     let arguments = ["bench", case, "--points", "1000,8e3"];
     let output = command(folder.path(), &arguments)
+        .stdout(Stdio::piped())
         .output()
         .expect("it starts");
     let page = String::from_utf8_lossy(&output.stdout);

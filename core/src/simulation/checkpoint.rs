@@ -17,7 +17,7 @@ use crate::stepping::{Step, Update};
 pub(super) type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);
 
 /// Version of the layout of checkpoints, those of plugins included.
-const FORMAT: u32 = 14;
+const FORMAT: u32 = 13;
 
 /// A field with its values as bytes, little-endian.
 #[derive(Serialize, Deserialize)]
@@ -27,14 +27,13 @@ struct SavedField<V> {
     values: V,
 }
 
-/// What a checkpoint begins with. The states of the plugins follow one by one, written and read where they are: they do not stand in
-/// memory a second time.
-#[derive(Serialize, Deserialize)]
-struct Checkpoint<V> {
+/// What is saved, with the values of fields and the states of plugins as bytes. [`Simulation::save_to`] writes it part by part.
+#[derive(Deserialize)]
+struct Checkpoint {
     clock: ClockState,
-    fields: Vec<SavedField<V>>,
-    /// Numbers of physics and of couplers.
-    plugins: [usize; 2],
+    fields: Vec<SavedField<ByteBuf>>,
+    physics: Vec<ByteBuf>,
+    couplers: Vec<ByteBuf>,
     /// Where the rows of moving families were found, m.
     rows_found_at: Vec<Vec<nalgebra::Vector3<f64>>>,
 }
@@ -59,6 +58,41 @@ impl Serialize for FieldValues<'_> {
     }
 }
 
+/// Counts bytes that are written.
+struct Counted(usize);
+
+impl io::Write for Counted {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0 += bytes.len();
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Writes the state of a plugin as bytes. It is packed twice, the first time for the number of bytes, so that it does not stand in memory.
+fn write_state(
+    mut out: &mut dyn io::Write,
+    state: &dyn erased_serde::Serialize,
+) -> Result<(), RunError> {
+    let mut count = Counted(0);
+    pack_to(&mut count, state)?;
+    let bytes = u32::try_from(count.0).map_err(not_written)?;
+    rmp::encode::write_bin_len(&mut out, bytes).map_err(not_written)?;
+    pack_to(out, state)
+}
+
+fn write_array_len(mut out: &mut dyn io::Write, len: usize) -> Result<(), RunError> {
+    rmp::encode::write_array_len(&mut out, len as u32).map_err(not_written)?;
+    Ok(())
+}
+
+fn not_written(error: impl std::fmt::Display) -> RunError {
+    RunError::Checkpoint(error.to_string())
+}
+
 impl Simulation {
     pub(super) fn save_physics(&self) -> Result<Vec<SavedPhysics>, RunError> {
         let save = |(p, state): (&Ready<dyn RunningPhysics>, &Vec<FieldIndex>)| {
@@ -66,7 +100,7 @@ impl Simulation {
                 .iter()
                 .map(|&f| self.world.fields.field(f).data().flat().to_vec())
                 .collect();
-            Ok((fields, packed(&*p.plugin.save(&self.world))?))
+            Ok((fields, pack(&*p.plugin.save(&self.world))?))
         };
         self.physics
             .iter()
@@ -98,7 +132,7 @@ impl Simulation {
     }
 
     pub(super) fn save_couplers(&self) -> Result<Vec<ByteBuf>, RunError> {
-        let save = |c: &Ready<dyn RunningCoupler>| Ok(packed(&*c.plugin.save(&self.world))?.into());
+        let save = |c: &Ready<dyn RunningCoupler>| Ok(pack(&*c.plugin.save(&self.world))?.into());
         self.couplers.iter().map(save).collect()
     }
 
@@ -116,7 +150,7 @@ impl Simulation {
     ///
     /// # Errors
     /// When a plugin's state cannot be serialised, or `out` cannot be written.
-    pub fn save_to(&self, mut out: &mut dyn io::Write) -> Result<(), RunError> {
+    pub fn save_to(&self, out: &mut dyn io::Write) -> Result<(), RunError> {
         let fields = self.saved_indices().map(|i| self.world.fields.field(i));
         let fields = fields.map(|f| SavedField {
             body: f.body,
@@ -129,26 +163,20 @@ impl Simulation {
                 ),
             },
         });
-        let checkpoint = Checkpoint {
-            clock: self.clock.clone(),
-            fields: fields.collect(),
-            plugins: self.plugins(),
-            rows_found_at: self.world.rows_found_at(),
-        };
-        let written = rmp_serde::encode::write(&mut out, &(FORMAT, checkpoint));
-        written.map_err(|e| RunError::Checkpoint(e.to_string()))?;
+        write_array_len(out, 2)?;
+        pack_to(out, &FORMAT)?;
+        write_array_len(out, 5)?;
+        pack_to(out, &self.clock)?;
+        pack_to(out, &fields.collect::<Vec<_>>())?;
+        write_array_len(out, self.physics.len())?;
         for physics in &self.physics {
-            pack(&*physics.plugin.save(&self.world), out)?;
+            write_state(out, &*physics.plugin.save(&self.world))?;
         }
+        write_array_len(out, self.couplers.len())?;
         for coupler in &self.couplers {
-            pack(&*coupler.plugin.save(&self.world), out)?;
+            write_state(out, &*coupler.plugin.save(&self.world))?;
         }
-        Ok(())
-    }
-
-    /// Numbers of physics and of couplers.
-    fn plugins(&self) -> [usize; 2] {
-        [self.physics.len(), self.couplers.len()]
+        pack_to(out, &self.world.rows_found_at())
     }
 
     /// What [`Simulation::save_to`] writes.
@@ -173,10 +201,10 @@ impl Simulation {
                            run again";
             return Err(misfit(message.into()));
         }
-        let mut source = rmp_serde::Deserializer::from_read_ref(checkpoint);
-        let (_, saved): (u32, Checkpoint<ByteBuf>) =
-            Deserialize::deserialize(&mut source).map_err(|e| misfit(e.to_string()))?;
-        if saved.plugins != self.plugins() {
+        let (_, saved): (u32, Checkpoint) =
+            rmp_serde::from_slice(checkpoint).map_err(|e| misfit(e.to_string()))?;
+        if saved.physics.len() != self.physics.len() || saved.couplers.len() != self.couplers.len()
+        {
             return Err(misfit("it has other plugins".into()));
         }
         self.check_clock(&saved.clock).map_err(misfit)?;
@@ -220,16 +248,14 @@ impl Simulation {
         {
             return Err(misfit("it has other families of moving points".into()));
         }
-        for physics in &mut self.physics {
-            let mut state = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
-            let loaded = physics.plugin.load(&self.world, &mut state);
-            loaded.map_err(|e| misfit(format!("state of {}: {e}", physics.label)))?;
+        for (p, state) in self.physics.iter_mut().zip(&saved.physics) {
+            let mut source = rmp_serde::Deserializer::from_read_ref(state);
+            let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
+            p.plugin
+                .load(&self.world, &mut erased)
+                .map_err(|e| misfit(format!("state of {}: {e}", p.label)))?;
         }
-        for coupler in &mut self.couplers {
-            let mut state = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
-            let loaded = coupler.plugin.load(&self.world, &mut state);
-            loaded.map_err(|e| misfit(format!("state of {}: {e}", coupler.label)))?;
-        }
+        self.restore_couplers(&saved.couplers)?;
         self.clock = saved.clock;
         self.clock.logs = self.logs_until(self.clock.time);
         for (owned, &time) in self.plan.owned.iter().zip(&self.clock.advanced_to) {
@@ -292,16 +318,14 @@ impl Simulation {
     }
 }
 
-fn pack(state: &dyn erased_serde::Serialize, out: &mut dyn io::Write) -> Result<(), RunError> {
-    let mut target = rmp_serde::Serializer::new(out);
-    let mut erased = <dyn erased_serde::Serializer>::erase(&mut target);
-    state
-        .erased_serialize(&mut erased)
-        .map_err(|e| RunError::Checkpoint(e.to_string()))
+fn pack(state: &dyn erased_serde::Serialize) -> Result<Vec<u8>, RunError> {
+    let mut bytes = Vec::new();
+    pack_to(&mut bytes, state)?;
+    Ok(bytes)
 }
 
-fn packed(state: &dyn erased_serde::Serialize) -> Result<Vec<u8>, RunError> {
-    let mut bytes = Vec::new();
-    pack(state, &mut bytes)?;
-    Ok(bytes)
+fn pack_to(out: &mut dyn io::Write, state: &dyn erased_serde::Serialize) -> Result<(), RunError> {
+    let mut target = rmp_serde::Serializer::new(out);
+    let mut erased = <dyn erased_serde::Serializer>::erase(&mut target);
+    state.erased_serialize(&mut erased).map_err(not_written)
 }
