@@ -1,11 +1,11 @@
 //! Estimated size of a log.
 
-use std::io;
 use std::path::Path;
 
 use perimelt_core::Simulation;
 use perimelt_core::field::FieldIndex;
 use perimelt_core::log::Precision;
+use perimelt_core::simulation::ByteCount;
 
 use super::Failure;
 use super::record::logged_fields;
@@ -23,20 +23,6 @@ pub struct LogSize {
     pub checkpoints: f64,
     /// Size of a checkpoint.
     pub checkpoint: usize,
-}
-
-/// Counts bytes that are written.
-struct Counted(usize);
-
-impl io::Write for Counted {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0 += bytes.len();
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
 }
 
 impl LogSize {
@@ -58,7 +44,7 @@ impl LogSize {
             let numbers = others + fields.iter().map(components).sum::<usize>();
             width * numbers * body.points.len()
         });
-        let mut checkpoint = Counted(0);
+        let mut checkpoint = ByteCount(0);
         simulation.save_to(&mut checkpoint)?;
         let probes = case.build_probes(simulation)?;
         let columns: usize = probes.iter().map(|p| p.columns.len()).sum();

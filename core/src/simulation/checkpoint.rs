@@ -58,10 +58,11 @@ impl Serialize for FieldValues<'_> {
     }
 }
 
-/// Counts bytes that are written.
-struct Counted(usize);
+/// The number of bytes that were written to it, which it does not keep.
+#[derive(Debug)]
+pub struct ByteCount(pub usize);
 
-impl io::Write for Counted {
+impl io::Write for ByteCount {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0 += bytes.len();
         Ok(bytes.len())
@@ -77,7 +78,7 @@ fn write_state(
     mut out: &mut dyn io::Write,
     state: &dyn erased_serde::Serialize,
 ) -> Result<(), RunError> {
-    let mut count = Counted(0);
+    let mut count = ByteCount(0);
     pack_to(&mut count, state)?;
     let bytes = u32::try_from(count.0).map_err(not_written)?;
     rmp::encode::write_bin_len(&mut out, bytes).map_err(not_written)?;

@@ -23,6 +23,7 @@ mod steps;
 #[cfg(test)]
 mod tests;
 
+pub use checkpoint::ByteCount;
 pub use iteration::{Iteration, Unconverged};
 pub use log_times::{LogStage, LogTimes};
 pub use prepare::{Culprit, Faults};

@@ -198,15 +198,20 @@ impl World {
     /// How often the displacement of a body changed; `None` without displacement, and where a physics sets the
     /// configuration.
     fn displacement_changes(&self, body: BodyIndex) -> Option<u64> {
-        let field = self.fields.find(body, &keys::DISPLACEMENT.name);
-        let field = field.filter(|_| !self.moves_freely(body));
+        let field = self.displacement_field(body);
         field.map(|index| self.fields.field(index).changes())
+    }
+
+    /// The displacement of a body, unless a physics sets the configuration.
+    fn displacement_field(&self, body: BodyIndex) -> Option<usize> {
+        let field = self.fields.find(body, &keys::DISPLACEMENT.name);
+        field.filter(|_| !self.moves_freely(body))
     }
 
     /// Reference position of each point of a body plus its displacement, m.
     fn displaced(&self, body: BodyIndex) -> impl Fn(usize) -> Vector3<f64> + '_ {
         let reference = &self.bodies[body].points.position;
-        let field = self.fields.find(body, &keys::DISPLACEMENT.name);
+        let field = self.displacement_field(body);
         let displacement = field.map(|index| self.fields.field(index).data());
         move |point| match &displacement {
             None => reference.at(point),

@@ -135,19 +135,13 @@ fn sum_block_avx2<const I: usize, const O: usize>(
     inputs: &[&[f64]; I],
     slot: usize,
 ) -> [[f64; O]; BLOCK] {
-    let LaneBonds { stencil, weights } = bonds;
     // compiled for either case: with a branch in the loop the lanes are computed one after the other
-    match weights {
-        None => sum_lanes(
-            kernel,
-            LaneBonds {
-                stencil,
-                weights: None,
-            },
-            inputs,
-            slot,
-        ),
-        Some(_) => sum_lanes(kernel, LaneBonds { stencil, weights }, inputs, slot),
+    match bonds.weights {
+        None => {
+            let weights = None;
+            sum_lanes(kernel, LaneBonds { weights, ..bonds }, inputs, slot)
+        }
+        Some(_) => sum_lanes(kernel, bonds, inputs, slot),
     }
 }
 
